@@ -1,0 +1,21 @@
+// The only header that looks at the compiler. Everything else says DST_HD / DST_FN.
+#pragma once
+
+#include <cstdint>
+
+#if defined(__CUDACC__)
+// Marks member functions that run on host and device.
+#define DST_HD __host__ __device__
+#else
+#define DST_HD
+#endif
+
+// Marks free functions that run on host and device.
+#define DST_FN DST_HD inline
+
+// True while compiling device machine code.
+#if defined(__CUDA_ARCH__)
+#define DST_ON_DEVICE 1
+#else
+#define DST_ON_DEVICE 0
+#endif
