@@ -1,6 +1,6 @@
 """Print the project's requirements and those of the extras named, one a line: what to install without installing destello.
 
-    python tools/requirements.py test dev | pip install -r /dev/stdin
+python tools/requirements.py test dev | pip install -r /dev/stdin
 """
 
 from __future__ import annotations
