@@ -1,18 +1,20 @@
 # dst_compile_options(target): how destello's own C++ and CUDA code is compiled.
 #
+# `#pragma unroll` is for nvcc alone, so unknown pragmas pass.
+#
 # Results must not depend on the compiler's mood: no contraction into fused multiply-adds on the host. The two -fno- options
 # keep every result bit and only drop errno and trap bookkeeping, which would stop vectorisation.
 function(dst_compile_options target)
   set(fp -ffp-contract=off -fno-math-errno -fno-trapping-math)
   set(werror $<$<BOOL:${DST_WERROR}>:-Werror>)
-  target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-O3 -Wall -Wextra -Wno-psabi ${werror} ${fp}>)
+  target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-O3 -Wall -Wextra -Wno-psabi -Wno-unknown-pragmas ${werror} ${fp}>)
   if(DST_HAS_CUDA)
     list(JOIN fp "," fp_list)
     set_target_properties(${target} PROPERTIES
       CUDA_STANDARD 20 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF CUDA_VISIBILITY_PRESET hidden)
     target_compile_options(${target} PRIVATE
       $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -lineinfo --threads=2 -Xfatbin=-compress-all
-      -Xcompiler=-Wall,-Wno-psabi,${fp_list}>
+      -Xcompiler=-Wall,-Wno-psabi,-Wno-unknown-pragmas,${fp_list}>
       $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${DST_WERROR}>>:-Werror=all-warnings>)
   endif()
   if(DST_SANITIZE)

@@ -1,4 +1,4 @@
-"""Print the project's requirements and those of the extras named, one a line: what to install without installing destello.
+"""Print the project's requirements and those of the extras named, one a line, to install all but destello.
 
 python tools/requirements.py test dev | pip install -r /dev/stdin
 """
