@@ -13,6 +13,13 @@
 // Marks free functions that run on host and device.
 #define DST_FN DST_HD inline
 
+// Marks free functions that run on host and device and are big and rarely needed: one copy, called.
+#if defined(__CUDACC__)
+#define DST_NOINLINE __host__ __device__ __noinline__ inline
+#else
+#define DST_NOINLINE __attribute__((noinline)) inline
+#endif
+
 // True while compiling device machine code.
 #if defined(__CUDA_ARCH__)
 #define DST_ON_DEVICE 1

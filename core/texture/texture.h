@@ -13,8 +13,8 @@ namespace destello {
 
 // Where a texture is evaluated.
 struct TextureContext {
-  Vec3 position;               // world space, metres
-  Vec2 uv;                     // as the mesh stores it; v = 0 at the bottom (images: see image.h)
+  Vec3 position;                  // world space, metres
+  Vec2 uv;                        // as the mesh stores it; v = 0 at the bottom (images: see image.h)
   Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear
 };
 
@@ -24,12 +24,12 @@ enum class WrapMode : uint32_t { Repeat, Clamp, Mirror };
 
 // One image: texels row by row, top row first, `channels` (1 to 4) values each.
 struct Image {
-  uint64_t offset = 0;  // first byte in TextureData::texels
+  uint64_t offset = 0;  // first byte in TextureData::texels, a multiple of 4
   uint32_t width = 0, height = 0, channels = 0;
   TexelFormat format = TexelFormat::U8;
   WrapMode wrap_u = WrapMode::Repeat, wrap_v = WrapMode::Repeat;
-  uint32_t srgb = 0;      // texels carry the sRGB transfer curve (alpha never does)
-  uint32_t bilinear = 1;  // else nearest
+  uint32_t srgb = 0;                        // texels carry the sRGB transfer curve (alpha never does)
+  uint32_t bilinear = 1;                    // else nearest
   float uv[2][3] = {{1, 0, 0}, {0, 1, 0}};  // affine map from mesh uv to image uv
 };
 

@@ -2,11 +2,19 @@
 #pragma once
 
 #include "base/one_of.h"
+#include "texture/checker.h"
+#include "texture/checker_uv.h"
+#include "texture/image.h"
+#include "texture/marble.h"
+#include "texture/noise.h"
+#include "texture/planet.h"
 #include "texture/solid.h"
+#include "texture/turbulence.h"
 
 namespace destello {
 
-using Textures = TypeList<SolidTexture>;
+using Textures = TypeList<SolidTexture, ImageTexture, CheckerTexture, CheckerUvTexture, NoiseTexture, TurbulenceTexture,
+                          MarbleTexture, PlanetTexture>;
 
 // Reads T's parameters from consecutive slots, constants only.
 template <class T, size_t... I>
@@ -15,6 +23,8 @@ DST_FN T load_constants(const Slot* slots, std::index_sequence<I...>) {
   (set_param<T, I>(t, slots[I].value), ...);
   return t;
 }
+
+DST_FN constexpr Vec4 operator*(Vec4 a, Vec4 b) { return {a.x * b.x, a.y * b.y, a.z * b.z, a.w * b.w}; }
 
 DST_FN Vec3 pick_channel(Vec4 v, uint32_t channel, bool as_scalar) {
   if (!as_scalar) return xyz(v);
@@ -49,20 +59,31 @@ struct EvalTexture {
   }
 };
 
+// The value of a slot with a texture: the chain of selectors down to a leaf or a constant, multiplied up; then the outer
+// slot's channel, scale and vertex colour. Arguments by value, so that the caller's stay in registers.
+DST_NOINLINE Vec3 eval_textured_slot(Slot slot, TextureContext context, TextureData data, bool as_scalar) {
+  Vec4 value{1, 1, 1, 1};
+  for (Slot s = slot; s.has_texture();) {
+    const TextureRecord r = data.textures[s.texture()];
+    const TextureStep step = dispatch(Textures{}, r.type, EvalTexture{context, data, data.slots.data + r.first_slot});
+    if (step.next == nullptr) {
+      value = value * step.value;
+      break;
+    }
+    s = *step.next;
+    value = value * Vec4{s.value.x, s.value.y, s.value.z, 1};
+    if (s.has_vertex_color()) value = value * context.vertex_color;
+  }
+  const Vec3 scale =
+      slot.has_vertex_color() ? slot.value * pick_channel(context.vertex_color, slot.channel(), as_scalar) : slot.value;
+  return scale * pick_channel(value, slot.channel(), as_scalar);
+}
+
 // The value of a slot. `as_scalar`: the parameter is one number, read from the slot's channel (x of the result).
 DST_FN Vec3 eval_slot(const Slot& slot, const TextureContext& context, const TextureData& data, bool as_scalar) {
   if (slot.is_constant()) return slot.value;
-  Vec3 scale = slot.value;
-  if (slot.has_vertex_color()) scale *= pick_channel(context.vertex_color, slot.channel(), as_scalar);
-  Slot s = slot;
-  while (s.has_texture()) {
-    const TextureRecord r = data.textures[s.texture()];
-    const TextureStep step = dispatch(Textures{}, r.type, EvalTexture{context, data, data.slots.data + r.first_slot});
-    if (step.next == nullptr) return scale * pick_channel(step.value, slot.channel(), as_scalar);
-    s = *step.next;
-    scale *= s.value;
-  }
-  return scale;
+  if (slot.has_texture()) return eval_textured_slot(slot, context, data, as_scalar);
+  return slot.value * pick_channel(context.vertex_color, slot.channel(), as_scalar);
 }
 
 }  // namespace destello
