@@ -22,6 +22,10 @@ enum class ParamKind : uint8_t { Scalar, Color, Vector, Bool, Enum };
 
 inline constexpr float kNoLimit = 3.0e38f;
 
+// (An alias because nvcc spells a bare pointer to member in a way that GCC warns about.)
+template <class S, class T>
+using Member = T S::*;
+
 // One parameter of S. Exactly one member pointer is set: `f` (Scalar), `v` (Color, Vector), `u` (Bool, Enum).
 template <class S>
 struct Param {
@@ -31,9 +35,9 @@ struct Param {
   const char* choices = "";  // Enum: names separated by spaces; the value is the position
   ParamKind kind = ParamKind::Scalar;
   bool texturable = false;  // may be driven by a texture
-  float S::* f = nullptr;
-  Vec3 S::* v = nullptr;
-  uint32_t S::* u = nullptr;
+  Member<S, float> f = nullptr;
+  Member<S, Vec3> v = nullptr;
+  Member<S, uint32_t> u = nullptr;
   Vec3 fallback;  // default; scalars, bools and enums use x
   float lo = -kNoLimit, hi = kNoLimit;
 
