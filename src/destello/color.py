@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -143,7 +142,7 @@ def tone_agx(rgb: npt.ArrayLike) -> FloatArray:
     The filmic curve by Troy Sobotka: the primaries move towards white (so that saturated lights bleach as they get
     brighter), the logarithm of each channel goes through a sigmoid, and the primaries move back. References:
     T. Sobotka, "AgX" and "SB2383 configuration generation" (2022-2023: the inset of the primaries and the sigmoid);
-    B. Wrensch, "Minimal AgX implementation" (2023: the way back by the inverse matrix). The sigmoid is evaluated itself,
+    B. Wrensch, "Minimal AgX implementation" (2023: the way back by the inverse matrix). The sigmoid itself is used,
     not its usual polynomial fit (they differ by 0.003 root mean square), so it rises everywhere and greys stay grey.
     """
     inset, outset = _agx_matrices()
@@ -241,7 +240,7 @@ class Display:
 
 def check_exposure(exposure: object) -> float:
     """The exposure itself if it is a finite number of at most 100 stops either way; InputError otherwise."""
-    if not isinstance(exposure, Real) or not -100 <= exposure <= 100:
+    if not isinstance(exposure, (int, float)) or not -100 <= exposure <= 100:
         raise InputError("wrong exposure", value=exposure, expected="stops (EV) from -100 to 100")
     return float(exposure)
 
