@@ -1,0 +1,230 @@
+"""The types and parameters that only Python knows, in the words of `schema`: shapes, image files, settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from destello.schema import ParamDoc, TypeDoc
+
+
+def _type(kind: str, name: str, doc: str, *params: ParamDoc) -> TypeDoc:
+    return TypeDoc(kind, name, doc, MappingProxyType({p.name: p for p in params}))
+
+
+def _array(
+    name: str, doc: str, *columns: int, required: bool = False, dtype: str = "float32", unit: str = ""
+) -> ParamDoc:
+    return ParamDoc(name, doc, "array", unit, required=required, columns=columns, dtype=dtype)
+
+
+_MATERIAL = ParamDoc("material", "what the surface is made of; a grey diffuse one if not given", "material")
+_TRANSFORM = ParamDoc("transform", "from the object's own space to the world (or its group)", "transform")
+_TRANSFORM1 = ParamDoc(
+    "transform1",
+    "the transform when the shutter closes (time 1); the matrix moves linearly from `transform`",
+    "transform",
+)
+_PLACED = (_MATERIAL, _TRANSFORM, _TRANSFORM1)
+
+
+def _vector(name: str, doc: str, *, required: bool = True) -> ParamDoc:
+    return ParamDoc(name, doc, "vector", "m", required=required)
+
+
+_SHAPES = (
+    _type(
+        "shape",
+        "sphere",
+        "A sphere. A negative radius turns its surface inside out: the inner wall of a hollow glass ball.",
+        _vector("center", "where its centre is"),
+        ParamDoc("radius", "its radius; negative: the normals point inwards", "scalar", "m", required=True),
+        _vector("center1", "the centre when the shutter closes (time 1); it moves in a straight line", required=False),
+        _MATERIAL,
+    ),
+    _type(
+        "shape",
+        "spheres",
+        "Many spheres of one material.",
+        _array("centers", "their centres", 3, required=True, unit="m"),
+        _array("radii", "their radii; negative: the normals point inwards", 0, required=True, unit="m"),
+        _array("centers1", "the centres when the shutter closes (time 1)", 3, unit="m"),
+        _MATERIAL,
+    ),
+    _type(
+        "shape",
+        "mesh",
+        "A triangle mesh.",
+        _array("positions", "the vertices", 3, required=True, unit="m"),
+        _array(
+            "indices",
+            "three vertex numbers a triangle, counter-clockwise seen from outside",
+            3,
+            required=True,
+            dtype="uint32",
+        ),
+        _array("normals", "shading normals of the vertices; flat triangles without", 3),
+        _array("uvs", "texture coordinates of the vertices, v = 0 at the bottom of the image", 2),
+        _array("colors", "colours of the vertices, linear Rec.709 and alpha", 3, 4),
+        _array("positions1", "the vertices when the shutter closes (time 1)", 3, unit="m"),
+        _array("normals1", "the normals when the shutter closes (time 1)", 3),
+        *_PLACED,
+    ),
+    _type(
+        "shape",
+        "mesh_file",
+        "The meshes of a file (OBJ, STL, PLY, glTF). Without a material, those of the file hold.",
+        ParamDoc("path", "the file, relative to the scene file", "path", required=True),
+        *_PLACED,
+    ),
+    _type(
+        "shape",
+        "quad",
+        "A parallelogram: corner, corner + u, corner + u + v, corner + v. Its normal points along u x v.",
+        _vector("corner", "one corner"),
+        _vector("u", "the edge from the corner along which texture coordinate u grows"),
+        _vector("v", "the edge from the corner along which texture coordinate v grows"),
+        *_PLACED,
+    ),
+    _type(
+        "shape",
+        "box",
+        "A box with sides along the axes of its own space.",
+        _vector("min", "the corner with the least coordinates"),
+        _vector("max", "the corner with the greatest coordinates"),
+        *_PLACED,
+    ),
+    _type(
+        "shape",
+        "instance",
+        "A placed copy of a group: it costs no more memory than its transform.",
+        ParamDoc("group", "the group's name", "group", required=True),
+        _TRANSFORM,
+        _TRANSFORM1,
+    ),
+)
+
+_CHANNELS = ("r", "g", "b", "a", "mean")
+_TEXTURES = (
+    _type(
+        "texture",
+        "image",
+        "An image, from a file or an array.",
+        ParamDoc("path", "the file, relative to the scene file", "path"),
+        ParamDoc("pixels", "texels instead of a file, top row first", "texels"),
+        ParamDoc(
+            "color_space",
+            "what the numbers mean; auto: 8-bit and 16-bit ones are sRGB, floating-point ones linear",
+            "enum",
+            default="auto",
+            choices=("auto", "srgb", "linear"),
+        ),
+        ParamDoc(
+            "wrap_u", "beyond the left and right edge", "enum", default="repeat", choices=("repeat", "clamp", "mirror")
+        ),
+        ParamDoc(
+            "wrap_v", "beyond the upper and lower edge", "enum", default="repeat", choices=("repeat", "clamp", "mirror")
+        ),
+        ParamDoc("filter", "between texels", "enum", default="bilinear", choices=("bilinear", "nearest")),
+        ParamDoc(
+            "uv_scale", "factors on u and v: 2 repeats the image twice", "numbers", default=(1.0, 1.0), columns=(2,)
+        ),
+        ParamDoc("uv_rotation", "turns (u, v) counter-clockwise, after the scale", "scalar", "deg", default=0.0),
+        ParamDoc("uv_offset", "added to (u, v), after scale and rotation", "numbers", default=(0.0, 0.0), columns=(2,)),
+    ),
+    _type(
+        "texture",
+        "scaled",
+        "A texture times a factor, or one of its channels.",
+        ParamDoc("texture", "the texture", "texture", required=True),
+        ParamDoc("scale", "the factor", "color", default=(1.0, 1.0, 1.0)),
+        ParamDoc(
+            "channel", "where one number is wanted: the channel it is read from", "enum", default="r", choices=_CHANNELS
+        ),
+        ParamDoc("vertex_color", "multiply by the mesh's vertex colours, too", "bool", default=False),
+    ),
+    _type(
+        "texture",
+        "vertex_color",
+        "The mesh's vertex colours.",
+        ParamDoc("scale", "a factor", "color", default=(1.0, 1.0, 1.0)),
+        ParamDoc(
+            "channel", "where one number is wanted: the channel it is read from", "enum", default="r", choices=_CHANNELS
+        ),
+    ),
+)
+
+_MIX = (
+    ParamDoc("first", "the material where amount is 0", "material", required=True),
+    ParamDoc("second", "the material where amount is 1", "material", required=True),
+)
+_IMAGE = (ParamDoc("image", "the image: a file's path, an array, or an image texture", "image", required=True),)
+
+# Types that only Python has.
+TYPES: tuple[TypeDoc, ...] = (*_SHAPES, *_TEXTURES)
+# Those of them that the core also lists, by another shape: Python's hold.
+REPLACED = frozenset({"image", "scaled", "vertex_color"})
+# Parameters that Python adds in front of a core type's own.
+EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
+# Parameters that Python adds to every type of a kind.
+COMMON: Mapping[str, tuple[ParamDoc, ...]] = {"light": (_TRANSFORM,), "environment": (_TRANSFORM,)}
+
+FILM = _type(
+    "film",
+    "film",
+    "The picture's size and filter.",
+    ParamDoc("width", "width of the picture", "integer", "px", default=1280, min=1, max=65536),
+    ParamDoc("height", "height of the picture", "integer", "px", default=720, min=1, max=65536),
+    ParamDoc("filter", "reconstruction filter; Gaussian with sigma 0.3 px if not given", "filter"),
+)
+
+RENDER = _type(
+    "render",
+    "render",
+    "How the scene wants to be rendered, unless the caller says otherwise.",
+    ParamDoc("spp", "samples a pixel", "integer", default=64, min=1, max=2**31 - 1),
+    ParamDoc("max_depth", "longest path: how many times it may scatter", "integer", default=32, min=0, max=65535),
+    ParamDoc(
+        "rr_depth",
+        "the first scattering at which Russian roulette may end a path",
+        "integer",
+        default=4,
+        min=0,
+        max=65535,
+    ),
+    ParamDoc("seed", "chooses the random numbers", "integer", default=0, min=0, max=2**32 - 1),
+    ParamDoc(
+        "light_sampling",
+        "how direct light is found: auto chooses; mis weighs light and surface sampling; bsdf and light use one alone",
+        "enum",
+        default="auto",
+        choices=("auto", "mis", "bsdf", "light"),
+    ),
+    ParamDoc(
+        "shutter",
+        "when the shutter opens and closes, within 0 to 1",
+        "numbers",
+        default=(0.0, 1.0),
+        columns=(2,),
+        min=0,
+        max=1,
+    ),
+    ParamDoc("clamp", "largest contribution of one sample; biased; 0: off", "scalar", "W/(sr m^2)", default=0.0, min=0),
+    ParamDoc(
+        "exposure", "the picture is multiplied by 2 to this power", "scalar", "stops", default=0.0, min=-64, max=64
+    ),
+    ParamDoc(
+        "tone",
+        "tone curve: none clips, agx is filmic, neutral keeps colours",
+        "enum",
+        default="none",
+        choices=("none", "agx", "neutral"),
+    ),
+    ParamDoc(
+        "curve",
+        "transfer curve of the written picture",
+        "enum",
+        default="srgb",
+        choices=("srgb", "gamma2", "gamma2.2", "linear"),
+    ),
+)
