@@ -2,6 +2,10 @@
 
 namespace nb = nanobind;
 
+namespace destello {
+void register_testing_texture(nb::module_&);
+}  // namespace destello
+
 NB_MODULE(_core, m) {
     m.doc() = "destello's compiled core.";
     m.attr("__version__") = DST_VERSION;
@@ -10,4 +14,7 @@ NB_MODULE(_core, m) {
 #else
     m.attr("has_cuda") = false;
 #endif
+
+    nb::module_ testing = m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");
+    destello::register_testing_texture(testing);
 }

@@ -9,9 +9,9 @@ namespace destello {
 
 // The dot product of `d` with the gradient that a hash picks among the 12 edge directions of a cube, scaled to length 1.
 DST_FN float gradient_dot(uint32_t hash, Vec3 d) {
-  const uint32_t h = hash >> 28;
+  const uint32_t h = ((hash >> 16) * 12u) >> 16;
   const float a = h < 8 ? d.x : d.y;
-  const float b = h < 4 ? d.y : (h == 12 || h == 14) ? d.x : d.z;
+  const float b = h < 4 ? d.y : d.z;
   return 0.70710678f * (((h & 1) ? -a : a) + ((h & 2) ? -b : b));
 }
 

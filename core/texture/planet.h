@@ -18,7 +18,7 @@ struct PlanetTexture {
       "is "
       "0 on open water and 1 on land, ice and cloud: another parameter may read it, the roughness for one.";
   static constexpr auto params = param_list<PlanetTexture>(
-      scalar("seed", &PlanetTexture::seed, 7, "whole number: which planet").range(0, 16777215).constant(),
+      scalar("seed", &PlanetTexture::seed, 9, "whole number: which planet").range(0, 16777215).constant(),
       scalar("ocean", &PlanetTexture::ocean, 0.64f, "part of the surface under water, about")
           .range(0.01f, 0.99f)
           .constant(),
