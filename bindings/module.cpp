@@ -3,6 +3,7 @@
 namespace nb = nanobind;
 
 namespace destello {
+void register_testing_bsdf(nb::module_&);
 void register_testing_texture(nb::module_&);
 }  // namespace destello
 
@@ -16,5 +17,6 @@ NB_MODULE(_core, m) {
 #endif
 
     nb::module_ testing = m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");
+    destello::register_testing_bsdf(testing);
     destello::register_testing_texture(testing);
 }

@@ -9,7 +9,7 @@
 namespace destello {
 
 // Smooth: two delta lobes. Rough: GGX microfacets (Walter et al. 2007, "Microfacet Models for Refraction through Rough
-// Surfaces"), single scattering. Where the indices match, the boundary vanishes. The inside's absorption is the medium's.
+// Surfaces"), single scattering. Where the indices match, the boundary vanishes. Absorption inside is the medium's.
 struct Dielectric {
   float ior = 1.5f;
   float abbe = 0;

@@ -8,8 +8,8 @@ namespace destello {
 // The reflected unit vector r is displaced by a point uniform in the ball of radius `fuzz` and normalised (P. Shirley,
 // "Ray Tracing in One Weekend", 2016). Directions that fall below the surface are absorbed.
 //
-// The density of a direction w is the ball's density, 3/(4 pi fuzz^3), integrated with t^2 dt along the ray t w. The ray
-// meets the ball at t = b -+ h with b = w . r and h^2 = fuzz^2 - sin^2(w, r), so
+// The density of a direction w is the ball's density, 3/(4 pi fuzz^3), integrated with t^2 dt along the ray t w. That
+// ray meets the ball at t = b -+ h with b = w . r and h^2 = fuzz^2 - sin^2(w, r), so
 //   p(w) = h (4 b^2 - 1 + fuzz^2) / (2 pi fuzz^3).
 // The model is defined by its sampling: eval is albedo * p. It is not reciprocal.
 struct FuzzyMetal {

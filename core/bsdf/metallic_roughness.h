@@ -36,7 +36,8 @@ DST_FN GgxAlbedo ggx_albedo_mean(float roughness) {
 }
 
 // A GGX reflection over a base. Metal and dielectric differ only in Schlick's f0 and f90, so they are one lobe:
-//   f0 = mix(min(((ior-1)/(ior+1))^2 specular_color, 1) specular, base_color, metallic), f90 = mix(specular, 1, metallic).
+//   f0 = mix(min(((ior-1)/(ior+1))^2 specular_color, 1) specular, base_color, metallic),
+//   f90 = mix(specular, 1, metallic).
 // The base is what the dielectric's reflection leaves, (1 - metallic) base_color of it:
 // - diffuse, scaled by (1 - E(wo)) (1 - E(wi)) / (1 - mean E) with the reflection's directional albedo E, which is
 //   reciprocal and with the reflection adds up to exactly the light that came (Kelemen and Szirmay-Kalos 2001);

@@ -41,7 +41,8 @@ struct Ggx {
   // Density of the normals seen from wo (wo.z > 0), over 4 |wo . h|: the density of reflected directions, 1/sr.
   DST_HD float reflected_pdf(Vec3 wo, Vec3 h) const { return 0.5f * d(h) / (wo.z + root(wo)); }
 
-  // Draws a normal among those seen from wo (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
+  // Draws a normal among those seen from wo (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical
+  // Caps").
   DST_HD Vec3 sample_visible(Vec3 wo, Vec2 u) const {
     const Vec3 s = normalize({ax * wo.x, ay * wo.y, wo.z});
     const float z = (1.0f - u.y) * (1.0f + s.z) - s.z;

@@ -1,0 +1,267 @@
+// Vectorised BSDFs, phase functions and media for pytest: `_core.testing.bsdf_*` and others.
+//
+// A material is named by its type and a dict of parameter values; those not given take their defaults. Directions are
+// (N, 3) float32 in the local frame; an array of one row goes with any number of rows.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+
+#include "bsdf/materials.h"
+#include "bsdf/spectrum.h"
+#include "medium/homogeneous.h"
+
+namespace nb = nanobind;
+
+namespace destello {
+namespace {
+
+using Rows = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// A new NumPy array of zeros.
+template <class T>
+struct Output {
+  T* data;
+  size_t rows, columns;
+  nb::capsule owner;
+
+  explicit Output(size_t n, size_t m = 1)
+      : data(new T[n * m]()), rows(n), columns(m), owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); }) {}
+  void set(size_t i, Vec3 v) { data[3 * i] = v.x, data[3 * i + 1] = v.y, data[3 * i + 2] = v.z; }
+  nb::object array() const {
+    if (columns == 1) return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(data, {rows}, owner));
+    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<2>>(data, {rows, columns}, owner));
+  }
+};
+
+// The common length of arrays of 3 columns; 1 stands for any.
+size_t common_rows(std::initializer_list<Rows> arrays) {
+  size_t n = 1;
+  for (const Rows& a : arrays) {
+    if (a.shape(1) != 3) throw std::invalid_argument("arrays are (N, 3)");
+    n = std::max(n, a.shape(0));
+  }
+  for (const Rows& a : arrays) {
+    if (a.shape(0) != n && a.shape(0) != 1) throw std::invalid_argument("arrays differ in length");
+  }
+  return n;
+}
+Vec3 row(const Rows& a, size_t i) {
+  const size_t k = a.shape(0) == 1 ? 0 : i;
+  return {a(k, 0), a(k, 1), a(k, 2)};
+}
+
+// Position of `word` among `choices`, which spaces separate.
+float choice_index(const std::string& word, const std::string& choices) {
+  float index = 0;
+  for (size_t from = 0; from < choices.size(); index += 1) {
+    const size_t to = std::min(choices.find(' ', from), choices.size());
+    if (choices.substr(from, to - from) == word) return index;
+    from = to + 1;
+  }
+  throw std::invalid_argument("no such choice: " + word);
+}
+
+template <class T>
+Vec3 read_param(const Param<T>& p, const nb::dict& values) {
+  if (!values.contains(p.name)) return p.fallback;
+  const nb::object given = nb::borrow(values[p.name]);
+  if (p.kind == ParamKind::Enum) return Vec3(choice_index(nb::cast<std::string>(given), p.choices));
+  float x = 0;
+  if (nb::try_cast(given, x)) return Vec3(x);
+  const auto t = nb::cast<nb::sequence>(given);
+  return {nb::cast<float>(t[0]), nb::cast<float>(t[1]), nb::cast<float>(t[2])};
+}
+
+template <class T>
+T make_bsdf(const nb::dict& values, const BsdfContext& context) {
+  T bsdf;
+  size_t used = 0;
+  [&]<size_t... I>(std::index_sequence<I...>) {
+    ((used += values.contains(T::params[I].name), set_param<T, I>(bsdf, read_param(T::params[I], values))), ...);
+  }(std::make_index_sequence<T::params.size()>{});
+  if (used != values.size()) throw std::invalid_argument(std::string("unknown parameter of ") + T::name);
+  prepare(bsdf, context);
+  return bsdf;
+}
+
+// Calls f(material) for the material of that name.
+template <class F>
+nb::object with_bsdf(const std::string& type, const nb::dict& values, const BsdfContext& context, F&& f) {
+  nb::object result;
+  bool found = false;
+  for_each_type(Materials{}, [&]<class T>() {
+    if (type != T::name) return;
+    found = true;
+    result = f(make_bsdf<T>(values, context));
+  });
+  if (!found) throw std::invalid_argument("no material of type " + type);
+  return result;
+}
+
+nb::object bsdf_eval(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const BsdfContext& context) {
+  return with_bsdf(type, values, context, [&](const auto& bsdf) {
+    Output<float> out(common_rows({wo, wi}), 3);
+    for (size_t i = 0; i < out.rows; ++i) out.set(i, bsdf.eval(row(wo, i), row(wi, i)));
+    return out.array();
+  });
+}
+
+nb::object bsdf_pdf(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const BsdfContext& context) {
+  return with_bsdf(type, values, context, [&](const auto& bsdf) {
+    Output<float> out(common_rows({wo, wi}));
+    for (size_t i = 0; i < out.rows; ++i) out.data[i] = bsdf.pdf(row(wo, i), row(wi, i));
+    return out.array();
+  });
+}
+
+nb::object bsdf_sample(const std::string& type, const nb::dict& values, Rows wo, Rows u, const BsdfContext& context) {
+  return with_bsdf(type, values, context, [&](const auto& bsdf) {
+    const size_t n = common_rows({wo, u});
+    Output<float> wi(n, 3), weight(n, 3), pdf(n), eta(n);
+    Output<uint32_t> flags(n);
+    for (size_t i = 0; i < n; ++i) {
+      const Vec3 r = row(u, i);
+      const BsdfSample s = bsdf.sample(row(wo, i), r.x, {r.y, r.z});
+      wi.set(i, s.wi), weight.set(i, s.weight);
+      pdf.data[i] = s.pdf, eta.data[i] = s.eta, flags.data[i] = s.flags;
+    }
+    nb::dict d;
+    d["wi"] = wi.array(), d["weight"] = weight.array(), d["pdf"] = pdf.array();
+    d["eta"] = eta.array(), d["flags"] = flags.array();
+    return nb::object(d);
+  });
+}
+
+// What the integrator may ask of a material besides the three functions.
+nb::object bsdf_traits(const std::string& type, const nb::dict& values, const BsdfContext& context) {
+  return with_bsdf(type, values, context, [&](const auto& bsdf) {
+    using T = std::remove_cvref_t<decltype(bsdf)>;
+    bool delta_only = false, is_delta = false, needs_wavelength = false;
+    if constexpr (requires { T::delta_only; }) delta_only = is_delta = T::delta_only;
+    if constexpr (requires { bsdf.is_delta(); }) is_delta = bsdf.is_delta();
+    if constexpr (requires { bsdf.needs_wavelength(); }) needs_wavelength = bsdf.needs_wavelength();
+    nb::dict d;
+    d["delta_only"] = delta_only, d["is_delta"] = is_delta, d["needs_wavelength"] = needs_wavelength;
+    return nb::object(d);
+  });
+}
+
+// A material's parameters: a list of dicts of name, kind, default, min, max, choices (as param.h declares them).
+nb::object bsdf_params(const std::string& type) {
+  return with_bsdf(type, {}, {}, [&](const auto& bsdf) {
+    static constexpr const char* kKinds[] = {"scalar", "color", "vector", "bool", "enum"};
+    nb::list list;
+    for (const auto& p : bsdf.params) {
+      nb::dict d;
+      d["name"] = p.name, d["kind"] = kKinds[static_cast<int>(p.kind)], d["choices"] = p.choices;
+      d["default"] = nb::make_tuple(p.fallback.x, p.fallback.y, p.fallback.z), d["min"] = p.lo, d["max"] = p.hi;
+      list.append(d);
+    }
+    return nb::object(list);
+  });
+}
+
+void register_bsdfs(nb::module_& m) {
+  nb::class_<BsdfContext>(m, "BsdfContext", "What surrounds a material; see core/bsdf/bsdf.h.")
+      .def(
+          "__init__",
+          [](BsdfContext* c, bool front, float outside_ior, float wavelength) {
+            new (c) BsdfContext{front, outside_ior, wavelength};
+          },
+          nb::arg("front") = true, nb::arg("outside_ior") = 1.0f, nb::arg("wavelength") = 0.0f);
+  const BsdfContext plain;
+  m.def("bsdf_types", [] {
+    nb::list names;
+    for_each_type(Materials{}, [&]<class T>() { names.append(T::name); });
+    return names;
+  });
+  m.def("bsdf_params", bsdf_params, nb::arg("type"));
+  m.def("bsdf_eval", bsdf_eval, nb::arg("type"), nb::arg("params"), nb::arg("wo"), nb::arg("wi"),
+        nb::arg("context") = plain, "f |cos| in 1/sr: (N, 3).");
+  m.def("bsdf_pdf", bsdf_pdf, nb::arg("type"), nb::arg("params"), nb::arg("wo"), nb::arg("wi"),
+        nb::arg("context") = plain, "Density in 1/sr: (N,).");
+  m.def("bsdf_sample", bsdf_sample, nb::arg("type"), nb::arg("params"), nb::arg("wo"), nb::arg("u"),
+        nb::arg("context") = plain, "Samples from (N, 3) uniform numbers: a dict of wi, weight, pdf, eta, flags.");
+  m.def("bsdf_traits", bsdf_traits, nb::arg("type"), nb::arg("params"), nb::arg("context") = plain,
+        "A dict of delta_only, is_delta, needs_wavelength.");
+  m.attr("REFLECTION") = static_cast<uint32_t>(kReflection);
+  m.attr("TRANSMISSION") = static_cast<uint32_t>(kTransmission);
+  m.attr("DELTA") = static_cast<uint32_t>(kDelta);
+  m.attr("STRAIGHT") = static_cast<uint32_t>(kStraight);
+}
+
+void register_media(nb::module_& m) {
+  m.def(
+      "phase_pdf",
+      [](float g, Rows wo, Rows wi) {
+        Output<float> out(common_rows({wo, wi}));
+        for (size_t i = 0; i < out.rows; ++i) out.data[i] = PhaseFunction{g}.pdf(row(wo, i), row(wi, i));
+        return out.array();
+      },
+      nb::arg("g"), nb::arg("wo"), nb::arg("wi"));
+  m.def(
+      "phase_sample",
+      [](float g, Rows wo, Rows u) {
+        Output<float> out(common_rows({wo, u}), 3);
+        for (size_t i = 0; i < out.rows; ++i) {
+          const Vec3 r = row(u, i);
+          out.set(i, PhaseFunction{g}.sample(row(wo, i), {r.x, r.y}));
+        }
+        return out.array();
+      },
+      nb::arg("g"), nb::arg("wo"), nb::arg("u"), "Directions from the first two of (N, 3) uniform numbers.");
+  nb::class_<Medium>(m, "Medium")
+      .def(
+          "__init__",
+          [](Medium* self, float density, float absorption) {
+            new (self) Medium{density, Vec3(1), Vec3(absorption), {}};
+          },
+          nb::arg("density"), nb::arg("absorption"))
+      .def("sample_distance",
+           [](const Medium& self, Numbers u) {
+             Output<float> out(u.shape(0));
+             for (size_t i = 0; i < out.rows; ++i) out.data[i] = self.sample_distance(u(i));
+             return out.array();
+           })
+      .def("free_flight", &Medium::free_flight)
+      .def("absorbed", [](const Medium& self, float d) { return self.absorbed(d).x; })
+      .def("transmittance", [](const Medium& self, float d) { return self.transmittance(d).x; });
+}
+
+void register_optics(nb::module_& m) {
+  m.def(
+      "wavelength_weight",
+      [](Numbers nm) {
+        Output<float> out(nm.shape(0), 3);
+        for (size_t i = 0; i < out.rows; ++i) out.set(i, wavelength_weight(nm(i)));
+        return out.array();
+      },
+      "Linear Rec.709 weights (N, 3) of wavelengths in nm.");
+  m.attr("WAVELENGTHS") = nb::make_tuple(kMinWavelength, kMaxWavelength);
+  m.def("sample_wavelength", &sample_wavelength);
+  m.def("cauchy_ior", &cauchy_ior, nb::arg("ior"), nb::arg("abbe"), nb::arg("nm"));
+  m.def(
+      "fresnel_dielectric",
+      [](float cos_i, float eta, bool schlick) {
+        const Fresnel f = schlick ? fresnel_dielectric_schlick(cos_i, eta) : fresnel_dielectric(cos_i, eta);
+        return nb::make_tuple(f.reflectance, f.cos_t);
+      },
+      nb::arg("cos_i"), nb::arg("eta"), nb::arg("schlick") = false, "Reflectance and cosine of the refracted ray.");
+  m.def("fresnel_conductor", [](float cos_i, float eta, float k) { return fresnel_conductor(cos_i, eta, k); });
+}
+
+}  // namespace
+
+void register_testing_bsdf(nb::module_& m) {
+  register_bsdfs(m);
+  register_media(m);
+  register_optics(m);
+}
+
+}  // namespace destello
