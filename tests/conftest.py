@@ -23,17 +23,9 @@ def why_no_cuda() -> str | None:
     """Why nothing can run on CUDA here, or None if it can."""
     from destello import _core
 
-    if not getattr(_core, "has_cuda", False):
+    if not _core.has_cuda:
         return "this build has no CUDA backend"
-    devices = [d for d in _core.devices() if str(_field(d, "kind")) == "cuda"]
-    if not devices:
-        reason = getattr(_core, "cuda_problem", lambda: "no CUDA device")()
-        return str(reason or "no CUDA device")
-    return None
-
-
-def _field(record: object, name: str) -> object:
-    return record[name] if isinstance(record, dict) else getattr(record, name)
+    return str(_core.cuda_status()) or None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
