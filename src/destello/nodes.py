@@ -53,6 +53,7 @@ class Node:
         """
         where = place if place is not None else (name or type)
         try:
+            check_name(name)
             doc = schema().type(kind, type)
             checked = _check_params(doc, params or {})
             _check_together(kind, type, checked)
@@ -61,7 +62,7 @@ class Node:
         object.__setattr__(self, "kind", kind)
         object.__setattr__(self, "type", type)
         object.__setattr__(self, "params", MappingProxyType(checked))
-        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "name", name or None)
         object.__setattr__(self, "_depth", 1 + max((child._depth for child in self.children()), default=0))
         object.__setattr__(self, "_hash", _hash(self))
         if self._depth > DEEPEST:
@@ -124,6 +125,15 @@ class Node:
         return (_restore, (self.kind, self.type, dict(self.params), self.name))
 
 
+def check_name(name: object) -> None:
+    """Raises SceneError unless `name` is None or a text that a file can hold."""
+    if name is None or (
+        isinstance(name, str) and "\0" not in name and not any(0xD800 <= ord(c) < 0xE000 for c in name)
+    ):
+        return
+    raise SceneError("not a name", value=name, expected="a text")
+
+
 def _restore(kind: str, type: str, params: dict[str, Any], name: str | None) -> Node:  # noqa: A002
     return Node(kind, type, params, name=name)
 
@@ -134,9 +144,8 @@ def _check_params(doc: TypeDoc, params: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in params.items():
         try:
             if key not in doc.params:
-                raise SceneError(
-                    f"{doc.type} has no parameter of this name", value=key, expected=did_you_mean(key, doc.params)
-                )
+                known = did_you_mean(key, doc.params)
+                raise SceneError(f"{doc.type} has no parameter of this name", place=str(key), expected=known)
             if value is not None:
                 checked[key] = check(doc.params[key], value)
         except SceneError as error:

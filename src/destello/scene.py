@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from destello.errors import SceneError, did_you_mean, gather
-from destello.nodes import Node, all_nodes
+from destello.nodes import Node, all_nodes, check_name
 from destello.settings import FilmSettings, RenderSettings
 
 if TYPE_CHECKING:
@@ -30,18 +30,15 @@ class Group:
 
     def __post_init__(self) -> None:
         """Raises SceneError for a bad name and for what cannot be in a group."""
-        _check_name(self.name)
+        if not self.name:
+            raise SceneError("a group needs a name", place="groups", value=self.name, expected="a text")
+        check_name(self.name)
         object.__setattr__(self, "shapes", tuple(self.shapes))
         for i, shape in enumerate(self.shapes):
             if not _is(shape, "shape") or shape.type == "instance":
                 what = shape.type if _is(shape, "shape") else shape
                 place = f"groups.{self.name}[{i}]"
                 raise SceneError("cannot be in a group", place=place, value=what, expected="shapes but no instance")
-
-
-def _check_name(name: object) -> None:
-    if not isinstance(name, str) or not name or "\0" in name:
-        raise SceneError("a group needs a name", place="groups", value=name, expected="a text")
 
 
 class Scene:
@@ -137,9 +134,10 @@ class Scene:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Least and greatest corner (3,) of all shapes in metres, over the whole shutter; None if there is nothing."""
+        from destello.assets import mesh_loader
         from destello.geometry import scene_bounds
 
-        return scene_bounds(self)
+        return scene_bounds(self, mesh_loader(self))
 
     def info(self) -> dict[str, Any]:
         """What is in the scene, as plain data: see `destello.info.scene_info`."""
@@ -180,6 +178,20 @@ class Scene:
         from destello.compile import compile_scene
 
         return compile_scene(self, allow_missing=allow_missing, base_dir=None if base_dir is None else Path(base_dir))
+
+    def copy(self) -> Scene:
+        """A copy to be changed without changing the original; nodes, which never change, are shared."""
+        other = Scene(self.name)
+        other.cameras, other.groups = dict(self.cameras), dict(self.groups)
+        other.film, other.render = FilmSettings(**self.film.given), RenderSettings(**self.render.given)
+        other.environment = self.environment
+        other.shapes, other.lights, other.notes = list(self.shapes), list(self.lights), list(self.notes)
+        other.base_dir, other.allow_external, other.allow_missing = (
+            self.base_dir,
+            self.allow_external,
+            self.allow_missing,
+        )
+        return other
 
     # --- comparing ----------------------------------------------------------------------------------------------------
 

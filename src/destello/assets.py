@@ -1,0 +1,106 @@
+"""The image and mesh files of one scene, each read once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from destello.errors import Error, FormatError, MissingFileError
+from destello.files import ResolvedFiles
+from destello.formats import READERS, LoadOptions, load_file
+from destello.nodes import Node
+from destello.scene import Scene
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What a mesh_file shape stands for: the file's scene, and the assets to which its own paths refer."""
+
+    scene: Scene
+    assets: Assets
+
+
+class Assets:
+    """Reads what a scene refers to. Missing files gather in `files`; `files.finish()` raises for all of them.
+
+    Attributes:
+        files: resolves paths.
+        notes: what was left out or replaced, one line each.
+    """
+
+    def __init__(self, scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None) -> None:
+        """`allow_missing` and `base_dir` stand in for the scene's own where given."""
+        self.files = ResolvedFiles(
+            base=base_dir or scene.base_dir or Path(),
+            allow_external=scene.allow_external,
+            allow_missing=scene.allow_missing if allow_missing is None else allow_missing,
+        )
+        self.notes: list[str] = []
+        self._images: dict[Path, NDArray[Any]] = {}
+        self._meshes: dict[Path, MeshFile | None] = {}
+
+    def texels(self, path: str, place: str) -> tuple[Path, NDArray[Any]] | None:
+        """The real path and the texels of an image file; None if it is missing. Raises FormatError if it is damaged."""
+        from destello.images import read_texels, repaired
+
+        real = self.files.find(path, place)
+        if real is None:
+            return None
+        if real not in self._images:
+            self._images[real], bad = repaired(self._read(read_texels, real, place))
+            if bad:
+                self.notes.append(f"{path}: {bad} values were infinite or not numbers and were replaced")
+        return real, self._images[real]
+
+    def mesh_file(self, shape: Node, place: str = "mesh_file") -> MeshFile | None:
+        """The scene in the file of a mesh_file shape; None if it is missing."""
+        real = self.files.find(shape["path"], f"{place}.path")
+        if real is None:
+            return None
+        if real not in self._meshes:
+            self._meshes[real] = self._load_mesh(real, f"{place}.path")
+        return self._meshes[real]
+
+    def _load_mesh(self, real: Path, place: str) -> MeshFile | None:
+        known = sorted(ext for ext, module in READERS.items() if module != "native")
+        if real.suffix.lower() not in known:
+            raise FormatError("not a mesh file", place=place, value=real.name, expected=", ".join(known))
+        files = self.files
+        options = LoadOptions(files.allow_missing, files.allow_external, complete=False)
+        try:
+            scene = self._read(lambda path: load_file(path, options), real, place)
+        except MissingFileError as error:
+            files.missing.extend(path for path in error.paths if path not in files.missing)
+            return None
+        inner = Assets(scene, base_dir=real.parent)
+        inner.files = replace(
+            files, base=real.parent, root=files.root or files.base
+        )  # shares the list of missing files
+        inner.notes, inner._images = self.notes, self._images
+        self.notes.extend(f"{real.name}: {note}" for note in scene.notes)
+        return MeshFile(scene, inner)
+
+    @staticmethod
+    def _read(reader: Any, path: Path, place: str) -> Any:
+        try:
+            return reader(path)
+        except Error as error:
+            raise error.within(place, file=path) from error.__cause__
+        except OSError as error:
+            raise FormatError(f"cannot be read ({error.strerror or error})", file=path, place=place) from error
+
+
+def mesh_loader(scene: Scene, assets: Assets | None = None) -> Callable[[Node], Scene]:
+    """What `geometry.scene_bounds` needs to see into mesh files; missing ones count as empty."""
+    source = assets or Assets(scene, allow_missing=True)
+
+    def load(shape: Node) -> Scene:
+        found = source.mesh_file(shape)
+        return Scene() if found is None else found.scene
+
+    return load

@@ -1,0 +1,57 @@
+"""A camera and a light for scenes that have none."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from destello.nodes import Node
+
+if TYPE_CHECKING:
+    from destello.scene import Scene
+
+VIEW = (1.0, 0.75, 1.5)  # from the scene's middle towards the camera: from the front, right and above
+VFOV = 40.0
+_GLOWING = ("emissive",)
+
+
+def ensure_camera(scene: Scene) -> None:
+    """Adds a camera that frames the whole scene, with a note, if the scene has none.
+
+    It looks from the front, right and above at the middle of the bounding box, so that the bounding sphere fits.
+    """
+    if scene.cameras:
+        return
+    bounds = scene.bounds()
+    if bounds is None:
+        low, high = np.full(3, -1.0), np.full(3, 1.0)
+    else:
+        low, high = bounds
+    middle = (low + high) / 2
+    radius = float(np.linalg.norm(high - low)) / 2
+    if not radius > 0:
+        radius = max(1e-3 * float(np.abs(middle).max()), 1e-3)
+    aspect = scene.film.width / scene.film.height
+    half = math.radians(VFOV) / 2
+    narrow = math.atan(math.tan(half) * min(1.0, aspect))  # half the smaller of both fields of view
+    direction = np.array(VIEW) / np.linalg.norm(VIEW)
+    origin = middle + direction * (1.02 * radius / math.sin(narrow))
+    scene.camera = Node("camera", "perspective", {"origin": origin, "target": middle, "vfov": VFOV})
+    scene.notes.append("no camera in the scene: added one that frames the scene")
+
+
+def ensure_light(scene: Scene) -> None:
+    """Adds a soft sky, with a note, if nothing in the scene gives light."""
+    if scene.environment is not None or scene.lights or any(_glows(m) for m in scene.materials()):
+        return
+    scene.environment = Node("environment", "gradient", {"bottom": (0.6, 0.58, 0.55), "top": (0.75, 0.87, 1.0)})
+    scene.notes.append("no light in the scene: added a soft sky")
+
+
+def _glows(material: Node) -> bool:
+    if material.type in _GLOWING:
+        return True
+    emission = material.params.get("emission")
+    return isinstance(emission, Node) or (emission is not None and any(emission))

@@ -1,0 +1,102 @@
+"""Reading image files for textures, in the number type in which they are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from destello.errors import FormatError, ImageTooLarge
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LARGEST_SIDE = 65536  # px
+LARGEST_BYTES = 8 << 30
+
+
+def read_texels(path: Path) -> NDArray[Any]:
+    """The texels of an image file: (height, width, 1 to 4) uint8, uint16 or float32, top row first.
+
+    Channels are those called R, G, B, A where names tell, else the first four. Alpha stays unassociated where the file
+    has it so. Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be held.
+    """
+    import OpenImageIO as oiio
+
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(str(path), hints)
+    if file is None:
+        raise FormatError("not a readable image", file=path, value=_reason(oiio.geterror()), expected=_KNOWN)
+    try:
+        spec = file.spec()
+        kind = _kind(oiio, spec.format)
+        channels = _channels(list(spec.channelnames))
+        _check_size(path, spec, kind, len(channels))
+        texels = file.read_image(0, 0, 0, max(channels) + 1, _type(oiio, kind))
+        if texels is None:
+            raise FormatError("the image is damaged", file=path, value=_reason(file.geterror()), expected=_KNOWN)
+    finally:
+        file.close()
+    texels = np.asarray(texels).reshape(spec.height, spec.width, -1)
+    if channels != list(range(texels.shape[2])):
+        texels = texels[:, :, channels]
+    return np.ascontiguousarray(texels, dtype=kind)
+
+
+def repaired(texels: NDArray[Any]) -> tuple[NDArray[Any], int]:
+    """Texels that are all finite, and how many were not: no numbers become 0, infinity 65504 (the most of a half)."""
+    if texels.dtype.kind != "f":
+        return texels, 0
+    bad = texels.size - int(np.count_nonzero(np.isfinite(texels)))
+    return (np.nan_to_num(texels, nan=0.0, posinf=_MOST, neginf=-_MOST), bad) if bad else (texels, 0)
+
+
+_KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads"
+_MOST = 65504.0
+
+
+def _reason(text: str) -> str | None:
+    lines = text.strip().splitlines()
+    return lines[0] if lines else None
+
+
+def _kind(oiio: Any, stored: Any) -> str:
+    if stored.basetype in (oiio.UINT8, oiio.INT8):
+        return "uint8"
+    return "uint16" if stored.basetype in (oiio.UINT16, oiio.INT16) else "float32"
+
+
+def _type(oiio: Any, kind: str) -> Any:
+    return {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}[kind]
+
+
+def _channels(names: Sequence[str]) -> list[int]:
+    """Which channels to take, in the order red, green, blue, alpha."""
+    lower = [name.lower() for name in names]
+    if all(c in lower for c in "rgb"):
+        return [lower.index(c) for c in "rgba" if c in lower]
+    if "y" in lower:
+        return [lower.index(c) for c in ("y", "a") if c in lower]
+    return list(range(min(len(names), 4)))
+
+
+def _check_size(path: Path, spec: Any, kind: str, channels: int) -> None:
+    size = (spec.width, spec.height)
+    if spec.depth > 1 or spec.deep:
+        raise FormatError("not a flat picture", file=path, expected="one picture without depth")
+    if min(size) < 1 or max(size) > LARGEST_SIDE:
+        raise ImageTooLarge("image size", file=path, value=size, expected=f"1 to {LARGEST_SIDE} px a side")
+    needed = spec.width * spec.height * channels * np.dtype(kind).itemsize
+    if needed > LARGEST_BYTES:
+        raise ImageTooLarge(
+            f"the image needs {needed >> 20} MiB", file=path, value=size, expected=f"at most {LARGEST_BYTES >> 20} MiB"
+        )
+
+
+def missing_image() -> NDArray[np.uint8]:
+    """The visible stand-in for a missing image: a checker of magenta and black, (8, 8, 3) uint8."""
+    rows, columns = np.indices((8, 8))
+    return np.where(((rows + columns) % 2 == 0)[:, :, np.newaxis], (255, 0, 255), (0, 0, 0)).astype(np.uint8)

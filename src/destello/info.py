@@ -1,0 +1,114 @@
+"""What is in a scene, in numbers and names: `destello info`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from destello.assets import Assets, mesh_loader
+from destello.geometry import mesh_arrays, scene_bounds
+from destello.images import missing_image
+from destello.nodes import Node
+
+if TYPE_CHECKING:
+    from destello.scene import Scene
+
+# Bytes that the core takes for each element, trees included, roughly.
+TRIANGLE_BYTES = 96
+SPHERE_BYTES = 64
+INSTANCE_BYTES = 256
+
+
+def scene_info(scene: Scene) -> dict[str, Any]:
+    """Counts, bounds, names, missing files and an estimate of the memory needed, as plain data.
+
+    Keys: name, size, spp, cameras, shapes (number of each type), triangles, spheres, instances, groups, lights,
+    environment, materials, textures (number of each type), images (width, height, channels, bytes of each file), bounds
+    ([low, high] in metres, or None), memory (bytes), missing (paths), notes.
+
+    Raises:
+        SceneError, FormatError: as `Scene.compile` would for values and files, except for missing ones.
+    """
+    scene.validate()
+    assets = Assets(scene, allow_missing=True)
+    counts = _Counts(scene, assets)
+    images = _images(scene.textures(), assets)
+    box = scene_bounds(scene, mesh_loader(scene, assets))
+    nodes = [*scene.nodes()]
+    return {
+        "name": scene.name,
+        "size": [scene.film.width, scene.film.height],
+        "spp": scene.render.spp,
+        "cameras": {name: camera.type for name, camera in scene.cameras.items()},
+        "shapes": _types(shape for _, shape in scene.all_shapes()),
+        "triangles": counts.triangles,
+        "spheres": counts.spheres,
+        "instances": counts.instances,
+        "groups": {name: len(group.shapes) for name, group in scene.groups.items()},
+        "lights": _types(scene.lights),
+        "environment": scene.environment.type if scene.environment is not None else None,
+        "materials": _types(node for node in nodes if node.kind == "material"),
+        "textures": _types(node for node in nodes if node.kind == "texture"),
+        "images": images,
+        "bounds": None if box is None else [[float(v) for v in corner] for corner in box],
+        "memory": counts.memory() + sum(image["bytes"] for image in images.values()),
+        "missing": list(assets.files.missing),
+        "notes": [*scene.notes, *assets.notes],
+    }
+
+
+def _types(nodes: Iterable[Node]) -> dict[str, int]:
+    return dict(sorted(Counter(node.type for node in nodes).items()))
+
+
+class _Counts:
+    """What the core will hold; meshes that share their arrays count once in memory."""
+
+    def __init__(self, scene: Scene, assets: Assets) -> None:
+        self.triangles = self.spheres = self.instances = 0
+        self._bytes: dict[tuple[int, ...], int] = {}
+        self._assets = assets
+        for place, shape in scene.all_shapes():
+            self._add(shape, place)
+
+    def memory(self) -> int:
+        trees = TRIANGLE_BYTES * self.triangles + SPHERE_BYTES * self.spheres + INSTANCE_BYTES * self.instances
+        return trees + sum(self._bytes.values())
+
+    def _add(self, shape: Node, place: str) -> None:
+        if shape.type == "instance":
+            self.instances += 1
+        elif shape.type == "sphere":
+            self.spheres += 1
+        elif shape.type == "spheres":
+            self.spheres += len(shape["centers"])
+        elif shape.type == "mesh_file":
+            found = self._assets.mesh_file(shape, place)
+            for inner_place, inner in found.scene.all_shapes() if found else ():
+                self._add(inner, f"{place}.{inner_place}")
+        else:
+            arrays = mesh_arrays(shape)
+            self.triangles += len(arrays["indices"])
+            key = tuple(id(arrays[name]) for name in sorted(arrays)) if shape.type == "mesh" else (id(shape),)
+            self._bytes[key] = sum(array.nbytes for array in arrays.values())
+
+
+def _images(textures: Iterable[Node], assets: Assets) -> dict[str, dict[str, Any]]:
+    images: dict[str, dict[str, Any]] = {}
+    for texture in textures:
+        if texture.type == "image":
+            path = texture["path"]
+            found = assets.texels(path, f"{path}") if path else (None, texture["pixels"])
+            texels = np.asarray(missing_image() if found is None else found[1])
+            height, width, channels = texels.shape
+            images[path or f"array {len(images)}"] = {
+                "width": width,
+                "height": height,
+                "channels": channels,
+                "type": str(texels.dtype),
+                "bytes": texels.nbytes,
+            }
+    return images
