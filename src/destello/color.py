@@ -217,6 +217,14 @@ class Display:
             raise InputError("unknown tone curve", value=self.tone, expected=did_you_mean(self.tone, TONES))
         check_curve(self.curve)
 
+    def changed(self, exposure: float | None = None, tone: str | None = None, curve: str | None = None) -> Display:
+        """The same with what is not None put in its place."""
+        return Display(
+            self.exposure if exposure is None else exposure,
+            self.tone if tone is None else tone,
+            self.curve if curve is None else curve,
+        )
+
     def code_values(self, linear: npt.ArrayLike) -> FloatArray:
         """Linear RGB (..., 3), any value, to code values in [0, 1] (float32), by the steps described above."""
         x = np.nan_to_num(np.asarray(linear, dtype=np.float32), nan=0.0, neginf=0.0)

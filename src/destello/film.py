@@ -67,7 +67,7 @@ class Film:
     """Exact sums and what was summed.
 
     Attributes:
-        core: the sums (`destello._core.Film`).
+        core: the sums (`destello._core.Film`); None while there are none.
         identity: everything the samples depend on, as plain data: scene, size, crop, camera, seed, depths, filter.
             Films can be added only if these are equal.
         spans: the sample indices that it holds, sorted, not overlapping.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,9 @@ import numpy.typing as npt
 from destello import image_file
 from destello.color import Display, FloatArray, count_nonfinite
 from destello.errors import InputError
+
+if TYPE_CHECKING:
+    from destello.film import Film
 
 
 @dataclass(eq=False)
@@ -22,13 +25,15 @@ class Image:
         array: linear Rec.709 RGB radiance, (height, width, 3) float32, row 0 at the top.
         metadata: how it was made: `scene`, `spp`, `seed`, `device`, `version`, `time`, `seconds` and more.
         aovs: other layers by name: `albedo` and `normal` (height, width, 3), `depth` (height, width), float32.
-        film: the exact sums it was made from (`destello._core.Film`), or None.
+        film: the exact sums it was made from, or None.
+        display: exposure, tone and transfer curve with which it is shown and saved unless `save` says otherwise.
     """
 
     array: FloatArray
     metadata: dict[str, Any] = field(default_factory=dict)
     aovs: dict[str, FloatArray] = field(default_factory=dict)
-    film: Any = None
+    film: Film | None = None
+    display: Display = field(default_factory=Display)
 
     def __post_init__(self) -> None:
         array = np.ascontiguousarray(self.array, dtype=np.float32)
@@ -62,9 +67,9 @@ class Image:
         bits: int | None = None,
         quality: int = 95,
         plain: bool = False,
-        exposure: float = 0.0,
-        tone: str = "none",
-        curve: str = "srgb",
+        exposure: float | None = None,
+        tone: str | None = None,
+        curve: str | None = None,
     ) -> None:
         """Writes the picture, in a format chosen by the name's extension, aside and then renamed: never half.
 
@@ -78,31 +83,35 @@ class Image:
             bits: a channel; None: 8, or 16 for EXR (half float), or 32 for HDR.
             quality: of a JPEG, 1 to 100.
             plain: PPM as text (P3).
-            exposure: in stops; see above.
-            tone: curve; see above and `destello.color`.
-            curve: transfer curve; see above.
+            exposure: in stops; None: the picture's own (`display`).
+            tone: tone curve; None: the picture's own.
+            curve: transfer curve; None: the picture's own.
 
         Raises InputError for wrong options, OutputError when the file cannot be written (an older file stays whole).
         """
-        display = Display(exposure, tone, curve)
+        target = image_file.Target.of(
+            path if isinstance(path, (str, Path)) else None,
+            file_format=file_format,
+            bits=bits,
+            quality=quality,
+            plain=plain,
+            display=self.display.changed(exposure, tone, curve),
+            asked=(exposure, tone, curve) != (None, None, None),
+        )
         if isinstance(path, (str, Path)):
-            target = image_file.Target.of(
-                path, file_format=file_format, bits=bits, quality=quality, plain=plain, display=display
-            )
             self.write(target)
         else:
-            target = image_file.Target.of(
-                None, file_format=file_format, bits=bits, quality=quality, plain=plain, display=display
-            )
             target.write_stream(path, self.array, self.metadata, self.aovs)
 
     def write(self, target: image_file.Target) -> None:
         """Writes the picture to a target that was checked before."""
         target.write(self.array, self.metadata, self.aovs)
 
-    def to_uint8(self, *, exposure: float = 0.0, tone: str = "none", curve: str = "srgb") -> npt.NDArray[np.uint8]:
-        """What a display shows: (height, width, 3) uint8."""
-        return Display(exposure, tone, curve).quantise(self.array)
+    def to_uint8(
+        self, *, exposure: float | None = None, tone: str | None = None, curve: str | None = None
+    ) -> npt.NDArray[np.uint8]:
+        """What a display shows: (height, width, 3) uint8. None: the picture's own `display`."""
+        return self.display.changed(exposure, tone, curve).quantise(self.array)
 
     @classmethod
     def load(cls, path: str | Path, *, curve: str = "srgb") -> Image:
@@ -121,7 +130,7 @@ class Image:
         from destello.denoise import denoise
 
         clean = denoise(self.array, self.aovs.get("albedo"), self.aovs.get("normal"))
-        return Image(clean, {**self.metadata, "denoised": True}, dict(self.aovs), self.film)
+        return Image(clean, {**self.metadata, "denoised": True}, dict(self.aovs), self.film, self.display)
 
     def _repr_png_(self) -> bytes:
         import io

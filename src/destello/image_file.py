@@ -72,6 +72,7 @@ class Target:
         quality: int = 95,
         plain: bool = False,
         display: Display | None = None,
+        asked: bool = True,
     ) -> Target:
         """Checks the options against the format that `file_format`, or else the path's extension, names.
 
@@ -82,6 +83,7 @@ class Target:
             quality: of a JPEG, 1 to 100.
             plain: a PPM as text (P3) instead of binary (P6).
             display: exposure, tone and transfer curve, for the formats that hold code values.
+            asked: whether the user asked for `display`, so that a format which cannot have it is an error.
 
         Raises InputError for anything else.
         """
@@ -97,7 +99,7 @@ class Target:
         if plain and kind.name != "ppm":
             raise InputError(f"P3 is a form of PPM, and this is {kind.name}", file=name, expected="a .ppm file")
         display = Display() if display is None else display
-        if bits in kind.linear_bits and display != Display():
+        if asked and bits in kind.linear_bits and display != Display():
             problem = f"exposure, tone and transfer curves do not apply: {kind.name} keeps linear radiance"
             raise InputError(problem, file=name, expected="a format for displays: .png, .jpg, .ppm or .tif")
         return cls(None if path is None else Path(path), kind, bits, quality, plain, display)

@@ -6,8 +6,9 @@ import contextlib
 import html
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, Protocol, TextIO
 
 # Short renders show nothing: a bar appears after this many seconds.
@@ -105,6 +106,11 @@ def _worth_showing(status: Status) -> bool:
     return status.seconds >= _PATIENCE or (status.seconds > 0.3 and (status.eta or 0.0) > 2 * _PATIENCE)
 
 
+def interactive() -> bool:
+    """Whether a person types at Python: in a notebook, or at its prompt."""
+    return hasattr(sys, "ps1") or _in_notebook()
+
+
 def _in_notebook() -> bool:
     """Whether this is a Jupyter kernel. Asks only an IPython that is already loaded."""
     ipython = sys.modules.get("IPython")
@@ -155,8 +161,7 @@ class _Bar:
 class _Notebook:
     """A line below the cell that changes while the render goes on."""
 
-    def __init__(self, display: Callable[..., Any] | None = None) -> None:
-        self._display = display
+    def __init__(self) -> None:
         self._handle: Any = None
         self._last = 0.0
 
@@ -167,17 +172,12 @@ class _Notebook:
         if not status.finished and now - self._last < 0.25:
             return
         self._last = now
-        from IPython.display import HTML
-
+        ipython = import_module("IPython.display")
         line = f'<progress value="{status.fraction:.4f}" max="1"></progress> {html.escape(status.text())}'
         if self._handle is None:
-            if self._display is None:
-                from IPython.display import display
-
-                self._display = display
-            self._handle = self._display(HTML(line), display_id=True)
+            self._handle = ipython.display(ipython.HTML(line), display_id=True)
         else:
-            self._handle.update(HTML(line))
+            self._handle.update(ipython.HTML(line))
 
 
 class _Lines:
