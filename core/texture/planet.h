@@ -36,7 +36,7 @@ struct PlanetTexture {
     return fractal_noise(p, octaves, 0.55f, hash32(static_cast<uint32_t>(seed) + 0x1000u * use));
   }
   DST_HD Vec3 displacement(Vec3 p, uint32_t use) const {
-    return {fractal(p, 3, use), fractal(p, 3, use + 1), fractal(p, 3, use + 2)};
+    return {fractal(p, 2, use), fractal(p, 2, use + 1), fractal(p, 2, use + 2)};
   }
   DST_HD float elevation(Vec3 d) const;
   DST_HD Vec3 land_color(Vec3 d, float height, float temperature) const;
@@ -59,7 +59,7 @@ DST_FN Vec3 equirectangular_direction(Vec2 uv) {
 DST_HD inline float PlanetTexture::elevation(Vec3 d) const {
   constexpr float kReliefDeviation = 0.24f;
   const Vec3 p = d * 1.15f + displacement(d * 1.6f, 1) * 0.42f;
-  const float relief = fractal(p, 9, 4) * (1.0f / kReliefDeviation);
+  const float relief = fractal(p, 8, 4) * (1.0f / kReliefDeviation);
   // The quantile of the normal distribution, by the logistic one.
   return relief - 0.5513f * logf(ocean / (1.0f - ocean));
 }
@@ -70,8 +70,8 @@ DST_HD inline Vec3 PlanetTexture::land_color(Vec3 d, float height, float tempera
   const Vec3 desert(0.47f, 0.31f, 0.15f), tundra(0.20f, 0.17f, 0.12f), rock(0.16f, 0.125f, 0.10f);
   // Air sinks, and deserts lie, about 25 degrees from the equator.
   const float dry_belt = expf(-sqr((fabsf(d.y) - 0.42f) * (1.0f / 0.20f)));
-  const float moisture = 0.60f - 0.42f * dry_belt + 0.9f * fractal(d * 2.7f, 5, 6) - 0.05f * height;
-  const float grain = fractal(d * 18.0f, 4, 8);
+  const float moisture = 0.60f - 0.42f * dry_belt + 0.9f * fractal(d * 2.7f, 3, 6) - 0.05f * height;
+  const float grain = fractal(d * 18.0f, 3, 8);
   const Vec3 wet = lerp(forest, rainforest, smooth_step(0.60f, 0.85f, temperature));
   Vec3 c = lerp(grass, wet, smooth_step(0.45f, 0.70f, moisture + 0.2f * grain));
   c = lerp(desert * (1.0f + 0.6f * grain), c, smooth_step(0.22f, 0.47f, moisture + 0.1f * grain));
@@ -85,7 +85,7 @@ DST_HD inline float PlanetTexture::cloud_density(Vec3 d) const {
   // Streaks along the parallels, curled by a strong displacement.
   const Vec3 p = Vec3(d.x, 1.7f * d.y, d.z) * 1.9f + displacement(Vec3(d.x, 1.4f * d.y, d.z) * 2.2f, 10) * 0.85f;
   const float belts = 0.35f * (expf(-sqr(d.y * 7.0f)) + expf(-sqr((fabsf(d.y) - 0.75f) * 4.5f))) - 0.12f;
-  const float cover = fractal(p, 8, 14) * (1.0f / 0.24f) + belts;
+  const float cover = fractal(p, 7, 14) * (1.0f / 0.24f) + belts;
   const float threshold = -0.5513f * logf(max(clouds, 1e-6f) / max(1.0f - clouds, 1e-6f));
   const float t = smooth_step(threshold - 0.3f, threshold + 1.8f, cover);
   return (0.25f + 0.75f * t) * smooth_step(0.0f, 0.25f, t) * (1.0f + 0.3f * (1.0f - t));
@@ -98,15 +98,15 @@ DST_HD inline Vec4 PlanetTexture::eval(const TextureContext& c, const TextureDat
     d = d * (1.0f / sqrtf(max(length_squared(d), 1e-30f)));
   }
   const float height = elevation(d);
-  const float detail = fractal(d * 5.0f, 5, 20);
+  const float detail = fractal(d * 5.0f, 3, 20);
   // 1 at the equator, 0 at the poles; mountains are colder.
   float temperature =
       1.0f - fabsf(d.y) * d.y * d.y * fabsf(d.y) * 0.55f - 0.38f * d.y * d.y + 0.35f * warmth + 0.16f * detail;
   Vec3 surface;
   float solid = 1;
   if (height > 0) {
-    const float ridges = 1.0f - fabsf(fractal(d * 4.0f + displacement(d * 3.0f, 24) * 0.3f, 6, 28)) * 3.0f;
-    const float range = smooth_step(-0.05f, 0.35f, fractal(d * 2.1f, 3, 32));
+    const float ridges = 1.0f - fabsf(fractal(d * 4.0f, 4, 28)) * 3.0f;
+    const float range = smooth_step(-0.05f, 0.35f, fractal(d * 2.1f, 2, 32));
     const float mountain = mountains * range * smooth_step(0.05f, 0.6f, height) * max(ridges, 0.0f);
     temperature -= 0.30f * mountain + 0.05f * height;
     const Vec3 snow(0.80f, 0.84f, 0.88f);
