@@ -1,11 +1,8 @@
 #include <nanobind/nanobind.h>
 
-namespace nb = nanobind;
+#include "bindings/register.h"
 
-namespace destello {
-void register_testing_bsdf(nb::module_&);
-void register_testing_texture(nb::module_&);
-}  // namespace destello
+namespace nb = nanobind;
 
 NB_MODULE(_core, m) {
     m.doc() = "destello's compiled core.";
@@ -16,7 +13,11 @@ NB_MODULE(_core, m) {
     m.attr("has_cuda") = false;
 #endif
 
+    destello::register_scene(m);
+    destello::register_render(m);
+
     nb::module_ testing = m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");
     destello::register_testing_bsdf(testing);
+    destello::register_testing_light(testing);
     destello::register_testing_texture(testing);
 }

@@ -1,5 +1,7 @@
 #include "light/environment_build.h"
 
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 
@@ -21,6 +23,16 @@ std::vector<Vec3> clean_texels(const float* rgb, uint64_t width, uint64_t height
     texels[i] = max(c, Vec3(0.0f));
   }
   return texels;
+}
+
+// Integrals over a row of cells of sin(theta) d theta, weighted by (1 - t) and by t, t in [0, 1] from top to bottom.
+struct RowIntegral {
+  double top, bottom;
+};
+RowIntegral integrate_row(double theta0, double theta1) {
+  const double all = std::cos(theta0) - std::cos(theta1);
+  const double bottom = -std::cos(theta1) + (std::sin(theta1) - std::sin(theta0)) / (theta1 - theta0);
+  return {all - bottom, bottom};
 }
 
 }  // namespace
@@ -51,22 +63,23 @@ EnvironmentTables build_environment(const float* rgb, uint64_t width, uint64_t h
 
   const EnvironmentImage image = tables.view();
   std::vector<double> cells(width), rows(height + 1);
-  double total = 0;
+  const double pi = std::numbers::pi;
+  double integral = 0;
   for (uint32_t row = 0; row <= height; ++row) {
-    double sum = 0, cell_height = 0;
+    const float v0 = EnvironmentPatch::top_edge(image, row), v1 = EnvironmentPatch::top_edge(image, row + 1);
+    const RowIntegral weights = integrate_row(pi * v0, pi * v1);
+    double sum = 0;
     for (uint32_t left = 0; left < width; ++left) {
       const EnvironmentPatch p = EnvironmentPatch::load(image, left, row);
       cells[left] = 0.25 * (p.weight[0] + p.weight[1] + p.weight[2] + p.weight[3]);
-      cell_height = p.height;
       sum += cells[left];
+      integral += weights.top * luminance(p.texel[0]) + weights.bottom * luminance(p.texel[2]);
     }
     build_cdf(cells.data(), tables.width, tables.conditional.data() + (width + 1) * row);
-    rows[row] = sum * cell_height;
-    total += rows[row];
+    rows[row] = sum * (v1 - v0);
   }
   build_cdf(rows.data(), tables.height + 1, tables.marginal.data());
-  // d omega = 2 pi^2 sin(theta) du dv.
-  tables.integral = static_cast<float>(total / static_cast<double>(width) * 2 * kPi * kPi);
+  tables.integral = static_cast<float>(integral * 2 * pi / static_cast<double>(width));
   return tables;
 }
 
