@@ -13,6 +13,7 @@ from destello.assets import Assets
 from destello.compile_materials import ImageTable, MaterialCompiler, core_errors
 from destello.defaults import ensure_camera, ensure_light
 from destello.errors import SceneError
+from destello.fingerprint import HashingBuilder
 from destello.geometry import mesh_arrays
 from destello.mesh_checks import check_mesh, check_spheres
 from destello.nodes import Node
@@ -38,6 +39,7 @@ class CompiledScene:
         filter: the reconstruction filter as the renderer's settings want it: {"type": ..., parameters}.
         stats: the core's counts (triangles, spheres, instances, bytes...).
         notes: the scene's notes and what compiling found: one line each.
+        fingerprint: hash of everything that the core was told: scenes that have the same are the same to it.
     """
 
     core: _core.Scene
@@ -47,6 +49,7 @@ class CompiledScene:
     filter: dict[str, Any]
     stats: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    fingerprint: str = ""
 
 
 def compile_scene(scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None) -> CompiledScene:
@@ -58,7 +61,7 @@ def compile_scene(scene: Scene, *, allow_missing: bool | None = None, base_dir: 
     ensure_camera(scene)
     ensure_light(scene)
     assets = Assets(scene, allow_missing=allow_missing, base_dir=base_dir)
-    builder = _core.SceneBuilder()
+    builder = HashingBuilder(_core.SceneBuilder())
     compiler = SceneCompiler(builder, assets)
     compiler.scene(scene)
     assets.files.finish()
@@ -72,6 +75,7 @@ def compile_scene(scene: Scene, *, allow_missing: bool | None = None, base_dir: 
         filter=filter_settings(scene.film.filter),
         stats=dict(core.stats()),
         notes=[*scene.notes, *assets.notes, *compiler.notes()],
+        fingerprint=builder.fingerprint(),
     )
 
 
