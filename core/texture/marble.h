@@ -34,7 +34,7 @@ struct MarbleTexture {
   DST_HD Vec4 eval(const TextureContext& c, const TextureData&) const {
     const float turb = fabsf(fractal_noise(c.position, static_cast<int>(octaves), 0.5f, static_cast<uint32_t>(seed)));
     const float turns = (scale * dot(axis, c.position) + turbulence * turb) * (0.5f * kInvPi);
-    const float sine = sincos_turns(turns - floorf(turns)).sin;
+    const float sine = sincos_turns(saturate(turns - floorf(turns))).sin;
     const Vec3 v = lerp(vein, color, 0.5f * (1.0f + sine));
     return {v.x, v.y, v.z, 1};
   }

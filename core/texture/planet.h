@@ -51,7 +51,7 @@ DST_FN float smooth_step(float from, float to, float x) {
 // Direction from the centre of a sphere to the place with these equirectangular coordinates: v from the south pole to the
 // north pole (+y), u from -x by way of +z.
 DST_FN Vec3 equirectangular_direction(Vec2 uv) {
-  const SinCos around = sincos_turns(uv.x - floorf(uv.x)), up = sincos_turns(0.5f * saturate(uv.y));
+  const SinCos around = sincos_turns(saturate(uv.x - floorf(uv.x))), up = sincos_turns(0.5f * saturate(uv.y));
   return {-around.cos * up.sin, -up.cos, around.sin * up.sin};
 }
 
