@@ -202,7 +202,9 @@ def _crop(crop: Crop | None, width: int, height: int) -> Crop:
 
 def _camera(scene: Scene, name: str | None) -> str:
     if not scene.cameras:
-        raise SceneError("the scene has no camera", place="cameras", expected="at least one")
+        from destello.defaults import ensure_camera
+
+        ensure_camera(scene)
     if name is None:
         return next(key for key, camera in scene.cameras.items() if camera is scene.camera)
     if name not in scene.cameras:

@@ -91,7 +91,8 @@ def render(
         preview: an image file that is rewritten while the picture refines.
         resume: a film file (`.film`): if there is one, the render goes on from it, and it is kept up to date.
         rescue: a film file that is written, if there is none yet, only when the render is interrupted or fails.
-        messages: called with one-line notes about the scene; None: they go to standard error.
+        messages: called with lines about the device and the scene; None: they go to standard error, or nowhere if
+            `progress` is False.
         allow_missing: a visible stand-in replaces missing image files; otherwise they are an error.
         allow_external: the scene file may name files outside its own directory tree.
 
@@ -117,7 +118,8 @@ def render(
     job = plan(scene, request)
     if preview_target is not None:
         preview_target.check_size(job.width, job.height)
-    return _Session(scene, job, outputs, denoise, messages or _to_stderr).run(progress, allow_missing)
+    say = messages or (_to_stderr if progress else _to_nobody)
+    return _Session(scene, job, outputs, denoise, say).run(progress, allow_missing)
 
 
 def _open(scene: Scene | str | Path, *, allow_missing: bool, allow_external: bool) -> Scene:
@@ -136,6 +138,10 @@ def _film_path(path: str | Path | None) -> Path | None:
 
 def _to_stderr(message: str) -> None:
     print(message, file=sys.stderr)
+
+
+def _to_nobody(message: str) -> None:
+    """Says nothing; notes are still in the image's metadata."""
 
 
 @dataclass
@@ -196,6 +202,8 @@ class _Session:
         from destello import _core
 
         began = clock.monotonic()
+        device = self.job.device
+        self.messages(f"device: {device.name} ({device.label}), because: {device.reason}")
         compiled = self.scene.compile(allow_missing=allow_missing or None)
         self.fingerprint = compiled.fingerprint
         for note in compiled.notes:

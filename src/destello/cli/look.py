@@ -1,0 +1,83 @@
+"""`destello info`, `destello devices`, `destello scenes`: what there is, on standard output."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+from typer import Option
+
+from destello.cli import options as o
+
+AsJson = Annotated[bool, Option("--json", help="As JSON.")]
+
+
+def info(scene: o.SceneName, json_: AsJson = False, allow_external: o.AllowExternal = False) -> None:
+    """Show what is in a scene, what was not understood, and how much memory it needs."""
+    from destello import io
+
+    found = io.load(scene, allow_missing=True, allow_external=allow_external).info()
+    if json_:
+        print(json.dumps(found, indent=2))
+        return
+    for key, value in found.items():
+        if key not in ("notes", "missing") and value not in (None, {}, []):
+            print(f"{key:<13}{_readable(key, value)}")
+    for path in found["missing"]:
+        print(f"missing      {path}")
+    for note in found["notes"]:
+        print(f"note         {note}")
+
+
+def _readable(key: str, value: Any) -> str:
+    """A value of `Scene.info` in words."""
+    if key == "size":
+        return f"{value[0]}x{value[1]}"
+    if key == "memory":
+        return _bytes(value)
+    if key == "bounds":
+        low, high = (" ".join(f"{x:.6g}" for x in corner) for corner in value)
+        return f"({low}) to ({high}) m"
+    if key == "images":
+        return ", ".join(f"{name} {im['width']}x{im['height']}" for name, im in value.items())
+    if isinstance(value, dict):
+        return ", ".join(f"{name}: {entry}" for name, entry in value.items())
+    return str(value)
+
+
+def _bytes(count: float) -> str:
+    for unit in ("bytes", "KiB", "MiB"):
+        if count < 1024:
+            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+        count /= 1024
+    return f"{count:.1f} GiB"
+
+
+def devices(json_: AsJson = False) -> None:
+    """List the devices that can render, and which one is taken by itself."""
+    from destello import device
+
+    found = device.devices()
+    chosen = device.choose("auto")
+    if json_:
+        answer = {"devices": found, "auto": chosen.name, "reason": chosen.reason, "cuda_problem": device.cuda_problem()}
+        print(json.dumps(answer, indent=2))
+        return
+    for entry in found:
+        detail = f", {entry['detail']}" if entry.get("detail") else ""
+        memory = f", {_bytes(entry['memory'])}" if entry.get("memory") else ""
+        print(f"{entry['name']:<8}{entry['label']}{memory}{detail}")
+    print(f"auto is {chosen.name}: {chosen.reason}")
+
+
+def scenes(json_: AsJson = False) -> None:
+    """List the built-in scenes."""
+    from destello import scenes as built_in
+
+    found = built_in.describe()
+    if json_:
+        print(json.dumps(found, indent=2))
+        return
+    width = max(map(len, found)) + 2
+    for name, doc in found.items():
+        print(f"{name:<{width}}{doc}")
