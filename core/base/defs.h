@@ -26,3 +26,10 @@
 #else
 #define DST_ON_DEVICE 0
 #endif
+
+// Before a short loop with constant bounds: unroll it whole.
+#if defined(__CUDACC__)
+#define DST_UNROLL _Pragma("unroll")
+#else
+#define DST_UNROLL _Pragma("GCC unroll 8")
+#endif

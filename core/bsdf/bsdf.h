@@ -53,6 +53,18 @@ concept Bsdf = requires(const B b, Vec3 w, float uc, Vec2 u) {
   B::params;
 };
 
+// True if every lobe of b is a delta lobe, so that sampling lights for it is of no use.
+template <class B>
+DST_FN bool only_delta(const B& b) {
+  if constexpr (requires { B::delta_only; }) {
+    return B::delta_only;
+  } else if constexpr (requires { b.is_delta(); }) {
+    return b.is_delta();
+  } else {
+    return false;
+  }
+}
+
 template <class B>
 DST_FN void prepare(B& b, const BsdfContext& context) {
   if constexpr (requires { b.prepare(context); }) b.prepare(context);

@@ -1,0 +1,41 @@
+// Builds the 8-wide tree on the host: a binary tree by binned SAH, collapsed eight at a time.
+#pragma once
+
+#include <vector>
+
+#include "accel/bvh.h"
+
+namespace destello {
+
+struct Bounds {
+  Vec3 lo{kInfinity, kInfinity, kInfinity};
+  Vec3 hi{-kInfinity, -kInfinity, -kInfinity};
+
+  void grow(Vec3 p) { lo = min(lo, p), hi = max(hi, p); }
+  void grow(const Bounds& b) { lo = min(lo, b.lo), hi = max(hi, b.hi); }
+  bool empty() const { return !(lo.x <= hi.x); }
+  Vec3 extent() const { return hi - lo; }
+  Vec3 center() const { return lo * 0.5f + hi * 0.5f; }
+  // Half the surface area; 0 when empty.
+  float half_area() const {
+    if (empty()) return 0;
+    const Vec3 e = extent();
+    return e.x * e.y + e.y * e.z + e.z * e.x;
+  }
+};
+
+// Bounds of the box's image under the transform.
+Bounds transform_bounds(const Transform& t, const Bounds& b);
+
+struct BvhStats {
+  uint32_t nodes = 0;
+  uint32_t depth = 0;    // levels of wide nodes
+  float sah_cost = 0;    // expected node tests + primitive tests of a random ray that hits the root's box
+};
+
+// Appends to `nodes` a tree over the boxes and returns the index of its root. `order` receives the positions of the boxes
+// in leaf order; leaves count from `first_leaf`. An empty input gives a root without children.
+uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
+                   std::vector<uint32_t>* order, BvhStats* stats);
+
+}  // namespace destello

@@ -1,0 +1,46 @@
+// A backend renders a range of samples of a rectangle of pixels into a film.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "backend/render_task.h"
+#include "film/film.h"
+#include "scene/scene.h"
+
+namespace destello {
+
+struct RenderCounts {
+  uint64_t rays = 0;       // closest-hit and shadow rays traced
+  uint64_t samples = 0;    // whole samples
+  uint64_t nonfinite = 0;  // samples dropped because arithmetic failed
+};
+
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  // Adds the task's samples to the film (host memory). Returns early, with the film incomplete, once *cancel is true.
+  // Throws std::runtime_error if the device fails, std::bad_alloc or OutOfDeviceMemory if memory does not suffice.
+  virtual RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) = 0;
+};
+
+// `threads` 0: as many as the process may use.
+std::unique_ptr<Backend> make_cpu_backend(const Scene& scene, uint32_t threads);
+
+struct DeviceInfo {
+  std::string name;    // as --device takes it
+  std::string label;   // what the driver calls it
+  uint64_t memory = 0; // bytes
+  std::string detail;
+};
+
+#if defined(DST_HAS_CUDA)
+std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device);
+std::vector<DeviceInfo> cuda_devices();
+// Empty if CUDA devices can be used, else why not.
+std::string cuda_problem();
+#endif
+
+}  // namespace destello

@@ -1,0 +1,77 @@
+// The CPU backend: tiles handed out to threads by a counter. Which thread renders a pixel has no influence on its value.
+#include <sched.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "backend/backend.h"
+#include "backend/cpu_kernel.h"
+
+namespace destello {
+
+namespace {
+
+constexpr uint32_t kTile = 16;
+
+// Cores that this process may run on.
+uint32_t available_threads() {
+  cpu_set_t set;
+  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
+  return std::max(1u, std::thread::hardware_concurrency());
+}
+
+class CpuBackend final : public Backend {
+ public:
+  CpuBackend(const Scene& scene, uint32_t threads) : scene_(scene), threads_(threads != 0 ? threads : available_threads()) {}
+
+  RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
+    const Rect& c = task.crop;
+    const uint32_t columns = (c.x1 - c.x0 + kTile - 1) / kTile, rows = (c.y1 - c.y0 + kTile - 1) / kTile;
+    const uint32_t tiles = columns * rows;
+    std::atomic<uint32_t> next{0};
+    std::vector<RenderCounts> counts(std::min(threads_, std::max(tiles, 1u)));
+    const auto work = [&](RenderCounts* out) {
+      uint64_t n[3] = {};
+      for (uint32_t i; (i = next.fetch_add(1)) < tiles && !cancel.load();) {
+        const uint32_t x = c.x0 + i % columns * kTile, y = c.y0 + i / columns * kTile;
+        const uint32_t rect[4] = {x, y, std::min(x + kTile, c.x1), std::min(y + kTile, c.y1)};
+        cpu_kernels().render_tile(&scene_.view(), &task, &film, rect, &cancel, n);
+      }
+      *out = {n[0], n[1], n[2]};
+    };
+    std::vector<std::thread> threads;
+    for (size_t i = 1; i < counts.size(); ++i) threads.emplace_back(work, &counts[i]);
+    work(&counts[0]);
+    for (std::thread& t : threads) t.join();
+    RenderCounts total;
+    for (const RenderCounts& n : counts) {
+      total.rays += n.rays;
+      total.samples += n.samples;
+      total.nonfinite += n.nonfinite;
+    }
+    return total;
+  }
+
+ private:
+  const Scene& scene_;
+  uint32_t threads_;
+};
+
+}  // namespace
+
+const CpuKernels& cpu_kernels() {
+  static const CpuKernels kernels = [] {
+#if defined(DST_HAS_AVX2)
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+      return CpuKernels{dst_render_tile_avx2, dst_trace_rays_avx2, "AVX2"};
+#endif
+    return CpuKernels{dst_render_tile_baseline, dst_trace_rays_baseline, "baseline"};
+  }();
+  return kernels;
+}
+
+std::unique_ptr<Backend> make_cpu_backend(const Scene& scene, uint32_t threads) {
+  return std::make_unique<CpuBackend>(scene, threads);
+}
+
+}  // namespace destello

@@ -1,0 +1,32 @@
+// The CPU backend's inner loop, compiled once for every x86-64 processor and once for those with AVX2 (see
+// CMakeLists.txt). The AVX2 build renames the namespace `destello`, so that no inline function compiled for AVX2 can
+// stand in for its baseline twin; types cross as void pointers, their layouts are the same.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+extern "C" {
+
+// Renders the task's samples of pixels rect = {x0, y0, x1, y1}. scene: SceneView; task: RenderTask; film: FilmView.
+// counts: rays, samples, non-finite samples, to be added to. Checks *cancel once a pixel and returns early.
+using DstRenderTile = void(const void* scene, const void* task, const void* film, const uint32_t* rect,
+                           const std::atomic<bool>* cancel, uint64_t* counts);
+// Traces n rays (destello::Ray) into hits (destello::Hit); any != 0: any hit will do. geometry: GeometryView.
+using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int any);
+
+DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2;
+DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2;
+}
+
+namespace destello {
+
+// The build of the kernels that fits this processor.
+struct CpuKernels {
+  DstRenderTile* render_tile;
+  DstTraceRays* trace_rays;
+  const char* isa;
+};
+const CpuKernels& cpu_kernels();
+
+}  // namespace destello

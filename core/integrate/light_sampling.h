@@ -1,0 +1,133 @@
+// Next-event estimation: a light picked in proportion to its power, a point on it, and the shadow ray there; and the
+// other half of multiple importance sampling, the weight of light that a path has run into.
+#pragma once
+
+#include "integrate/records.h"
+#include "scene/area_light.h"
+
+namespace destello {
+
+// A direction towards some light.
+struct LightPick {
+  Vec3 wi;
+  Vec3 radiance;       // unshadowed; for delta lights the irradiance facing them
+  float pdf = 0;       // of picking the light and the direction, 1/sr (delta: of picking the light); 0: none
+  bool delta = false;
+  bool has_target = false;  // the light is at a finite place
+  Vec3 target;         // that place, moved off the light's own surface towards the shaded point
+};
+
+DST_FN const LightTable& light_table(const SceneView& scene, LightSampling mode) {
+  return mode == LightSampling::Auto ? scene.auto_lights : scene.all_lights;
+}
+
+struct SamplePunctual {
+  Vec3 p;
+  Vec2 u;
+  template <class L>
+  DST_HD LightSample operator()(const L& light) const {
+    return light.sample(p, u);
+  }
+};
+
+DST_FN LightPick pick_from_sample(const LightSample& s, Vec3 p, float pick_pdf) {
+  LightPick l{s.wi, s.radiance, s.pdf * pick_pdf, s.delta, s.distance < kInfinity, {}};
+  if (l.has_target) l.target = p + s.wi * s.distance;
+  return l;
+}
+
+DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p, Vec2 u, float time, float pick_pdf) {
+  const AreaLight& light = scene.area_lights[index];
+  const LightPoint at = sample_area_light(scene, light, p, u, time);
+  LightPick l;
+  const Vec3 d = at.p - p;
+  const float d2 = length_squared(d);
+  if (!(at.pdf > 0) || d2 == 0) return l;
+  l.wi = d * (1.0f / sqrtf(d2));
+  const uint32_t material = scene.objects[scene.geometry.leaves[light.leaf].object].material;
+  l.radiance = emitted_radiance(scene, material, {at.p, at.uv, at.color}, at.ng, -l.wi);
+  l.pdf = at.pdf * pick_pdf;
+  l.has_target = true;
+  l.target = offset_origin(at.p, at.error, at.ng, -l.wi);
+  return l;
+}
+
+// Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray.
+DST_FN LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick, Vec2 u) {
+  const Span<AliasEntry> table = light_table(scene, mode).pick;
+  if (table.empty()) return {};
+  const uint32_t index = sample_alias(table, u_pick);
+  const float pick_pdf = table[index].pdf;
+  if (index < scene.first_area_light())
+    return pick_from_sample(scene.punctual[index].visit(SamplePunctual{p, u}), p, pick_pdf);
+  if (index < scene.environment_light())
+    return pick_area_light(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
+  return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
+}
+
+// The shadow ray from `origin` (already moved off its surface).
+DST_FN Ray shadow_ray(Vec3 origin, const LightPick& light, float time) {
+  if (!light.has_target) return {origin, light.wi, kInfinity, time};
+  const Vec3 d = light.target - origin;
+  const float distance = length(d);
+  if (!(distance > 0)) return {origin, light.wi, 0, time};
+  return {origin, d * (1.0f / distance), distance * (1.0f - gamma_bound(8)), time};
+}
+
+// Weight of light sampling against BSDF sampling with density bsdf_pdf for the same direction.
+DST_FN float light_weight(LightSampling mode, const LightPick& light, float bsdf_pdf) {
+  if (light.delta || mode == LightSampling::Light) return 1;
+  return power_heuristic(light.pdf, bsdf_pdf);
+}
+
+// Weight of light number `light` (of all lights in one row), met by the path's last scattering; light sampling would have
+// drawn that direction with density `light_pdf` after picking the light.
+DST_FN float hit_weight(const SceneView& scene, LightSampling mode, const Path& path, uint32_t light, float light_pdf) {
+  if (path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return 1;
+  const Span<AliasEntry> table = light_table(scene, mode).pick;
+  const float pick = light < table.size ? table[light].pdf : 0.0f;
+  if (mode == LightSampling::Light) return pick > 0 ? 0.0f : 1.0f;
+  return power_heuristic(path.bsdf_pdf, pick * light_pdf);
+}
+
+struct SunRadiance {
+  Vec3 wi;
+  float* pdf;
+  template <class L>
+  DST_HD Vec3 operator()(const L& light) const {
+    *pdf = light.pdf(wi);
+    return light.radiance(wi);
+  }
+};
+
+// Radiance that a path meets when it leaves the scene, weighted.
+DST_FN Vec3 escaped_radiance(const SceneView& scene, LightSampling mode, const Path& path) {
+  const Vec3 d = path.ray.direction;
+  Vec3 sum;
+  if (scene.has_environment) {
+    const Vec3 radiance = scene.environment.radiance(d, scene.light_data);
+    const bool certain = path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf;
+    const float pdf = certain ? 0.0f : scene.environment.pdf(d, scene.light_data);
+    sum += radiance * hit_weight(scene, mode, path, scene.environment_light(), pdf);
+  }
+  for (uint32_t i = 0; i < scene.suns.size; ++i) {
+    float pdf = 0;
+    const Vec3 radiance = scene.punctual[scene.suns[i]].visit(SunRadiance{d, &pdf});
+    if (!is_black(radiance)) sum += radiance * hit_weight(scene, mode, path, scene.suns[i], pdf);
+  }
+  return sum;
+}
+
+// Radiance that the surface emits towards the path, weighted.
+DST_FN Vec3 hit_emission(const SceneView& scene, LightSampling mode, const Path& path, const Surface& s, uint32_t material,
+                         float distance) {
+  const Vec3 w = -path.ray.direction;
+  const Vec3 radiance = emitted_radiance(scene, material, texture_context(s), s.ng, w);
+  if (is_black(radiance) || s.light == kNoIndex) return radiance;
+  if (path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return radiance;
+  const Vec3 from = s.p + w * (path.travelled + distance);
+  const float pdf = area_light_pdf(scene, scene.area_lights[s.light], from, s.p, s.ng, path.ray.time);
+  return radiance * hit_weight(scene, mode, path, scene.first_area_light() + s.light, pdf);
+}
+
+}  // namespace destello

@@ -1,0 +1,111 @@
+// What travels between the stages of light transport.
+#pragma once
+
+#include "base/ray.h"
+#include "base/sampler.h"
+#include "camera/cameras.h"
+#include "camera/filters.h"
+#include "scene/scene_view.h"
+
+namespace destello {
+
+enum class LightSampling : uint32_t { Auto, Mis, Bsdf, Light };
+
+// How to render, the same for all samples.
+struct RenderSettings {
+  uint32_t seed = 0;
+  uint32_t width = 0, height = 0;      // of the whole film
+  uint32_t max_depth = 50;             // segments of a path from the camera on, at least 1
+  uint32_t roulette_depth = 5;         // segments after which roulette may end a path
+  LightSampling light_sampling = LightSampling::Auto;
+  float time0 = 0, time1 = 1;          // shutter, within [0, 1]
+  float clamp = 0;                     // upper bound on a sample's radiance, per channel; 0: none
+  uint32_t aovs = 0;                   // 1: record albedo, normal and depth of the first hit
+  AnyFilter filter;
+  AnyCamera camera;
+};
+
+// The interiors that a path is inside of, oldest first. A fixed number: deeper nesting forgets the oldest.
+struct InteriorStack {
+  static constexpr int kCapacity = 4;
+  uint16_t items[kCapacity] = {};  // indices of interiors
+  uint32_t count = 0;
+
+  DST_HD void push(uint32_t interior) {
+    if (count == kCapacity) {
+      for (int i = 1; i < kCapacity; ++i) items[i - 1] = items[i];
+      --count;
+    }
+    items[count++] = static_cast<uint16_t>(interior);
+  }
+  // Removes the newest entry of that interior, if there is one.
+  DST_HD void remove(uint32_t interior) {
+    for (int i = static_cast<int>(count) - 1; i >= 0; --i) {
+      if (items[i] != interior) continue;
+      for (int k = i + 1; k < static_cast<int>(count); ++k) items[k - 1] = items[k];
+      --count;
+      return;
+    }
+  }
+  // The interior that counts: highest priority, newest first; kNoIndex in the open.
+  DST_HD uint32_t current(Span<Interior> interiors) const {
+    uint32_t best = kNoIndex;
+    for (uint32_t i = 0; i < count; ++i)
+      if (best == kNoIndex || interiors[items[i]].priority >= interiors[best].priority) best = items[i];
+    return best;
+  }
+};
+
+// First-hit features for denoisers.
+struct SampleAovs {
+  Vec3 albedo, normal;
+  float depth = 0;
+};
+
+// A path under way.
+struct Path {
+  Ray ray;                   // the next segment
+  Vec3 throughput{1};        // W: product of f cos / pdf so far
+  Vec3 radiance;             // gathered so far
+  float bsdf_pdf = 0;        // density of ray.direction by the last scattering, 1/sr; kInfinity: a delta (or the camera)
+  float travelled = 0;       // distance since the last scattering: grows over boundaries passed straight
+  float eta_scale = 1;       // product of eta^2 over refractions: roulette looks past radiance compression
+  float wavelength = 0;      // nm; 0: all colours together
+  Sampler sampler;
+  uint16_t depth = 1;        // the segment's number, from 1
+  uint16_t passes = 0;       // boundaries and holes passed straight, for fresh random numbers
+  float filter_sign = 1;
+  InteriorStack inside;
+  bool alive = true;
+  bool first_hit_done = false;
+};
+
+// A light sample whose visibility is still to be found out.
+struct ShadowRay {
+  Ray ray;                 // t_max: just before the light
+  Vec3 contribution;       // to the path's radiance if nothing is in the way
+  bool wanted = false;
+  bool crosses = false;    // it starts on the far side of the boundary `interior`, which the path met from `front`
+  bool front = true;
+  uint32_t interior = 0;
+  InteriorStack inside;    // what the path was in when it met the surface
+};
+
+// Dimension numbers of the sampler (base/sampler.h): a few for the camera, then a block per path segment.
+enum CameraDimension : uint32_t { kDimFilter, kDimLens, kDimTime, kDimWavelength, kCameraDimensions };
+enum BounceDimension : uint32_t {
+  kDimLightPick,
+  kDimLight,
+  kDimLobe,
+  kDimDirection,
+  kDimRoulette,
+  kDimOpacity,
+  kDimMix,
+  kDimDistance,
+  kBounceDimensions
+};
+DST_FN uint32_t bounce_dimension(const Path& path, BounceDimension d) {
+  return kCameraDimensions + (path.depth + path.passes) * kBounceDimensions + d;
+}
+
+}  // namespace destello

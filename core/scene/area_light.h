@@ -1,0 +1,137 @@
+// Emitting triangles and spheres as lights: sampling a point that is seen from another, and its density.
+#pragma once
+
+#include "scene/surface.h"
+
+namespace destello {
+
+// A point on a light.
+struct LightPoint {
+  Vec3 p, error, ng;  // ng on the outward side
+  Vec2 uv;
+  Vec4 color{1, 1, 1, 1};
+  float pdf = 0;      // 1/sr as seen from the reference point; 0: none
+};
+
+DST_FN float area_to_solid_angle(Vec3 from, Vec3 p, Vec3 ng, float area) {
+  const Vec3 d = p - from;
+  const float d2 = length_squared(d);
+  const float cos_light = fabsf(dot(ng, d)) / sqrtf(d2);
+  return cos_light * area > 0 ? d2 / (cos_light * area) : 0.0f;
+}
+
+// A sphere's world-space centre and radius; only similarity transforms keep it a sphere (scene.cpp makes sure that other
+// emitters are sampled by area).
+struct WorldSphere {
+  Vec3 center;
+  float radius;
+};
+
+DST_FN TriangleVertices world_triangle(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim, float time) {
+  TriangleVertices v = triangle_at(scene.geometry, prim, time);
+  if (light.instance != kNoIndex) {
+    const Transform t = scene.geometry.instances[light.instance].world_at(time);
+    v = {t.point(v.a), t.point(v.b), t.point(v.c)};
+  }
+  return v;
+}
+
+DST_FN WorldSphere world_sphere(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim, float time) {
+  WorldSphere s{prim.a + prim.c * time, prim.b.x};
+  if (light.instance != kNoIndex) {
+    const Transform t = scene.geometry.instances[light.instance].world_at(time);
+    s.center = t.point(s.center);
+    s.radius *= cbrtf(fabsf(t.determinant()));
+  }
+  return s;
+}
+
+// Density with which sample_area_light picks the direction from `from` to the point p with normal ng on the light.
+DST_FN float area_light_pdf(const SceneView& scene, const AreaLight& light, Vec3 from, Vec3 p, Vec3 ng, float time) {
+  const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
+  if (prim.kind() == PrimitiveKind::Sphere) {
+    const WorldSphere s = world_sphere(scene, light, prim, time);
+    const float d2 = length_squared(from - s.center), r2 = s.radius * s.radius;
+    if (d2 > r2 * 1.0001f) return cone_pdf(sphere_one_minus_cos(d2, s.radius));
+    return area_to_solid_angle(from, p, ng, 4 * kPi * r2);
+  }
+  const TriangleVertices v = world_triangle(scene, light, prim, time);
+  return area_to_solid_angle(from, p, ng, 0.5f * length(cross(v.b - v.a, v.c - v.a)));
+}
+
+// Where the ray along `wi` (unit) from outside first meets the sphere; at grazing angles, the nearest point of it.
+DST_FN Vec3 sphere_entry(Vec3 from, Vec3 wi, const WorldSphere& s) {
+  const Vec3 f = from - s.center;
+  const float b = -dot(f, wi);
+  const float disc = safe_sqrt(s.radius * s.radius - length_squared(f + wi * b));
+  return from + wi * (b - disc);
+}
+
+DST_FN LightPoint sample_sphere_light(const WorldSphere& s, Vec3 from, Vec2 u) {
+  const Vec3 to_center = s.center - from;
+  const float d2 = length_squared(to_center), r2 = s.radius * s.radius;
+  LightPoint l;
+  Vec3 p;
+  if (d2 > r2 * 1.0001f) {  // outside: the visible cap, uniform in solid angle
+    const float one_minus_cos = sphere_one_minus_cos(d2, s.radius);
+    const Vec3 wi = Frame::from_z(to_center * (1.0f / sqrtf(d2))).to_world(square_to_cone(u, one_minus_cos));
+    p = sphere_entry(from, wi, s);
+    l.pdf = cone_pdf(one_minus_cos);
+  } else {
+    p = s.center + square_to_sphere(u) * fabsf(s.radius);
+  }
+  const SpherePoint q = sphere_point(p, s.center, s.radius);
+  l.p = q.p;
+  l.error = q.error;
+  l.ng = q.normal;
+  if (l.pdf == 0) l.pdf = area_to_solid_angle(from, l.p, l.ng, 4 * kPi * r2);
+  return l;
+}
+
+// A point of the light as seen from `from`. Fills uv and colour only if the material needs them.
+DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& light, Vec3 from, Vec2 u, float time) {
+  const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
+  const ObjectRecord& object = scene.objects[prim.object];
+  const bool textured = (scene.materials[object.material].flags & kNeedsUv) != 0;
+  if (prim.kind() == PrimitiveKind::Sphere) {
+    const WorldSphere s = world_sphere(scene, light, prim, time);
+    LightPoint l = sample_sphere_light(s, from, u);
+    if (textured) {
+      Vec3 outward = normalize(l.p - s.center);
+      if (light.instance != kNoIndex) {
+        const Transform t = scene.geometry.instances[light.instance].local_at(time);
+        outward = normalize(t.point(l.p) - (prim.a + prim.c * time));
+      }
+      l.uv = sphere_uv(outward);
+    }
+    return l;
+  }
+  const TriangleVertices v = world_triangle(scene, light, prim, time);
+  const Vec2 b = square_to_triangle(u);
+  Vec3 n = cross(v.b - v.a, v.c - v.a);
+  const uint32_t mirrored = light.instance != kNoIndex ? scene.geometry.instances[light.instance].flipped : 0;
+  if (mirrored != object.flipped) n = -n;
+  const float len = length(n);
+  LightPoint l;
+  l.p = triangle_point(v.a, v.b, v.c, b.x, b.y, &l.error);
+  if (light.instance != kNoIndex) l.error += abs(l.p) * gamma_bound(8);
+  l.ng = n * (1.0f / len);
+  if (textured) {
+    Surface s;
+    s.ns = l.ng;
+    interpolate_attributes(scene, object, prim.primitive, b.x, b.y, time, v, &s);
+    l.uv = s.uv;
+    l.color = s.color;
+  }
+  l.pdf = area_to_solid_angle(from, l.p, l.ng, 0.5f * len);
+  return l;
+}
+
+// Radiance that the material emits at a point towards direction w (away from the surface).
+DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, const TextureContext& context, Vec3 ng, Vec3 w) {
+  const MaterialRecord& m = scene.materials[material];
+  if (!(m.flags & kHasEmission) || (dot(ng, w) <= 0 && !(m.flags & kEmissionTwoSided))) return {};
+  return eval_slot(scene.textures.slots[m.surface_slot + kEmissionSlot], context, scene.textures, false);
+}
+
+}  // namespace destello

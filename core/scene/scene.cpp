@@ -1,0 +1,357 @@
+#include "scene/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+namespace destello {
+
+namespace {
+
+[[noreturn]] void fail(const std::string& message) { throw std::invalid_argument(message); }
+
+std::string text(Vec3 v) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), "(%g, %g, %g)", static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z));
+  return buffer;
+}
+
+template <class T>
+void append(std::vector<T>* to, const std::vector<T>& from) {
+  to->insert(to->end(), from.begin(), from.end());
+}
+
+void check_invertible(const Transform& t) {
+  const float det = t.determinant();
+  if (!std::isfinite(det) || det == 0)
+    fail("transform: determinant " + std::to_string(det) + "; expected an invertible matrix of finite numbers");
+}
+
+bool is_degenerate(Vec3 a, Vec3 b, Vec3 c) { return is_black(cross(b - a, c - a)) || !is_finite(cross(b - a, c - a)); }
+
+void check_finite(const std::vector<Vec3>& points, const char* what) {
+  for (size_t i = 0; i < points.size(); ++i)
+    if (!is_finite(points[i])) fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
+}
+
+struct MaterialIor {
+  const Slot* slots;
+  template <class T>
+  float operator()() const {
+    for (size_t i = 0; i < T::params.size(); ++i)
+      if (std::string_view(T::params[i].name) == "ior" && std::is_same_v<T, Dielectric>) return slots[i].value.x;
+    return 1.0f;
+  }
+};
+
+// The value of a named parameter of SurfaceParams.
+Vec3 surface_value(const std::vector<Slot>& surface, std::string_view name) {
+  for (size_t i = 0; i < SurfaceParams::params.size(); ++i)
+    if (name == SurfaceParams::params[i].name) return surface[i].value;
+  fail("no surface parameter " + std::string(name));
+}
+const Slot& surface_slot(const std::vector<Slot>& surface, std::string_view name) {
+  for (size_t i = 0; i < SurfaceParams::params.size(); ++i)
+    if (name == SurfaceParams::params[i].name) return surface[i];
+  fail("no surface parameter " + std::string(name));
+}
+
+struct MaterialParamCount {
+  template <class T>
+  size_t operator()() const {
+    return T::params.size();
+  }
+};
+struct TextureParamCount {
+  template <class T>
+  size_t operator()() const {
+    return T::params.size();
+  }
+};
+
+}  // namespace
+
+SceneBuilder::SceneBuilder() : scene_(std::make_unique<Scene>()) { groups_.emplace_back(); }
+
+void SceneBuilder::check_material(uint32_t material) const {
+  const size_t n = scene_->arrays_.materials.size();
+  if (material >= n) fail("material " + std::to_string(material) + ": expected an index below " + std::to_string(n));
+}
+
+void SceneBuilder::check_group(uint32_t group) const {
+  if (group >= groups_.size()) fail("group " + std::to_string(group) + ": expected an index below " + std::to_string(groups_.size()));
+}
+
+uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes) {
+  auto& store = scene_->arrays_.texels;
+  store.resize((store.size() + 15) / 16 * 16);
+  image.offset = store.size();
+  const auto* p = static_cast<const unsigned char*>(texels);
+  store.insert(store.end(), p, p + bytes);
+  scene_->arrays_.images.push_back(image);
+  return static_cast<uint32_t>(scene_->arrays_.images.size()) - 1;
+}
+
+uint32_t SceneBuilder::add_slots(const std::vector<Slot>& slots, size_t expected) {
+  if (slots.size() != expected) fail("expected " + std::to_string(expected) + " parameters, got " + std::to_string(slots.size()));
+  for (const Slot& s : slots)
+    if (s.has_texture() && s.texture() >= scene_->arrays_.textures.size())
+      fail("texture " + std::to_string(s.texture()) + ": expected an index below " + std::to_string(scene_->arrays_.textures.size()));
+  auto& all = scene_->arrays_.slots;
+  const uint32_t first = static_cast<uint32_t>(all.size());
+  append(&all, slots);
+  return first;
+}
+
+uint32_t SceneBuilder::add_texture(uint32_t type, const std::vector<Slot>& slots) {
+  if (type >= Textures::size) fail("unknown texture type");
+  const uint32_t first = add_slots(slots, dispatch(Textures{}, type, TextureParamCount{}));
+  // A texture can only refer to earlier ones, so evaluation always ends.
+  scene_->arrays_.textures.push_back({type, first});
+  return static_cast<uint32_t>(scene_->arrays_.textures.size()) - 1;
+}
+
+uint32_t SceneBuilder::slot_flags(uint32_t first, size_t count) const {
+  for (size_t i = first; i < first + count; ++i)
+    if (!scene_->arrays_.slots[i].is_constant()) return kNeedsUv;
+  return 0;
+}
+
+void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material) {
+  Interior in;
+  in.medium.density = surface_value(surface, "medium_density").x;
+  in.medium.albedo = surface_value(surface, "medium_albedo");
+  in.medium.absorption = surface_value(surface, "medium_absorption");
+  in.medium.phase.g = surface_value(surface, "medium_anisotropy").x;
+  in.priority = surface_value(surface, "priority").x;
+  in.ior = dispatch(Materials{}, material->type, MaterialIor{slots.data()});
+  const bool interface = material->type == index_of<Interface>(Materials{});
+  if (material->type != index_of<Dielectric>(Materials{}) && !interface && in.medium.is_vacuum()) return;
+  auto& interiors = scene_->arrays_.interiors;
+  if (interiors.size() >= 65535) fail("more than 65535 materials with an inside (dielectrics, media)");
+  material->interior = static_cast<uint32_t>(interiors.size());
+  material->flags |= kIsBoundary | (interface ? kIsInterface : 0u);
+  interiors.push_back(in);
+}
+
+uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface,
+                                    uint32_t mix_first, uint32_t mix_second) {
+  if (type >= Materials::size) fail("unknown material type");
+  if (surface.size() != SurfaceParams::params.size()) fail("wrong number of surface parameters");
+  MaterialRecord m;
+  m.type = type;
+  const size_t count = dispatch(Materials{}, type, MaterialParamCount{});
+  m.first_slot = add_slots(slots, count);
+  Slot emission = surface_slot(surface, "emission");
+  bool two_sided = surface_value(surface, "emission_two_sided").x != 0;
+  float power = 0;
+  if (type == index_of<Emissive>(Materials{})) {  // radiance, power, two_sided: see emissive.h
+    emission = slots[0];
+    power = slots[1].value.x;
+    two_sided = slots[2].value.x != 0;
+  }
+  const Slot& opacity = surface_slot(surface, "opacity");
+  const Slot& normal_map = surface_slot(surface, "normal_map");
+  m.surface_slot = add_slots({opacity, emission, normal_map}, kSurfaceSlots);
+  m.opacity_cutoff = surface_value(surface, "opacity_cutoff").x;
+  m.normal_scale = surface_value(surface, "normal_scale").x;
+  m.flags = slot_flags(m.first_slot, count) | slot_flags(m.surface_slot, kSurfaceSlots);
+  if (!opacity.is_constant() || opacity.value.x < 1) m.flags |= kHasOpacity;
+  if (!is_black(emission.value) || power > 0) m.flags |= kHasEmission;
+  if (two_sided) m.flags |= kEmissionTwoSided;
+  if (!normal_map.is_constant()) m.flags |= kHasNormalMap;
+  if (type == index_of<Mix>(Materials{})) {
+    check_material(mix_first);
+    check_material(mix_second);
+    m.flags |= kIsMix;
+    m.mix_first = mix_first;
+    m.mix_second = mix_second;
+  } else {
+    add_interior(slots, surface, &m);
+  }
+  if (!(m.flags & (kHasOpacity | kIsInterface | kIsMix))) m.flags |= kOpaqueToShadows;
+  scene_->arrays_.materials.push_back(m);
+  emissive_power_.push_back(power);
+  return static_cast<uint32_t>(scene_->arrays_.materials.size()) - 1;
+}
+
+uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
+  const size_t n = mesh.positions.size();
+  check_finite(mesh.positions, "positions");
+  check_finite(mesh.positions_end, "positions1");
+  if (mesh.indices.size() % 3 != 0) fail("indices: expected three for each triangle");
+  for (size_t i = 0; i < mesh.indices.size(); ++i)
+    if (mesh.indices[i] >= n)
+      fail("indices[" + std::to_string(i / 3) + "]: " + std::to_string(mesh.indices[i]) + "; expected below " + std::to_string(n) +
+           ", the number of vertices");
+  const auto check_size = [&](size_t size, const char* what) {
+    if (size != 0 && size != n) fail(std::string(what) + ": " + std::to_string(size) + " entries; expected " + std::to_string(n));
+  };
+  check_size(mesh.positions_end.size(), "positions1");
+  check_size(mesh.normals.size(), "normals");
+  check_size(mesh.normals_end.size(), "normals1");
+  check_size(mesh.uvs.size(), "uvs");
+  check_size(mesh.colors.size(), "colors");
+  Mesh m;
+  auto& out = scene_->arrays_.triangles;
+  m.first_triangle = static_cast<uint32_t>(out.size() / 3);
+  std::vector<uint32_t> kept;
+  kept.reserve(mesh.indices.size());
+  for (size_t i = 0; i < mesh.indices.size(); i += 3) {
+    const uint32_t* t = mesh.indices.data() + i;
+    const bool flat = is_degenerate(mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]);
+    if (!flat || !mesh.positions_end.empty()) kept.insert(kept.end(), t, t + 3);
+  }
+  *dropped = static_cast<uint32_t>((mesh.indices.size() - kept.size()) / 3);
+  scene_->stats_.dropped += *dropped;
+  mesh.indices = std::move(kept);
+  append(&out, mesh.indices);
+  if (out.size() / 3 > 0xfffffff0U) fail("more than 2^32 triangles");
+  if (!mesh.uvs.empty()) {
+    m.first_uv = static_cast<uint32_t>(scene_->arrays_.uvs.size());
+    append(&scene_->arrays_.uvs, mesh.uvs);
+  }
+  if (!mesh.colors.empty()) {
+    m.first_color = static_cast<uint32_t>(scene_->arrays_.colors.size());
+    append(&scene_->arrays_.colors, mesh.colors);
+  }
+  m.data = std::move(mesh);
+  meshes_.push_back(std::move(m));
+  return static_cast<uint32_t>(meshes_.size()) - 1;
+}
+
+uint32_t SceneBuilder::add_group() {
+  groups_.emplace_back();
+  return static_cast<uint32_t>(groups_.size()) - 1;
+}
+
+uint32_t SceneBuilder::add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform) {
+  if (normals.empty()) return kNoIndex;
+  auto& out = scene_->arrays_.normals;
+  const uint32_t first = static_cast<uint32_t>(out.size());
+  const Transform inverse = transform ? transform->inverse() : Transform{};
+  for (const Vec3& n : normals) {
+    const Vec3 w = inverse.transposed_vector(n);
+    out.push_back(length_squared(w) > 0 ? normalize(w) : Vec3());
+  }
+  return first;
+}
+
+void SceneBuilder::add_object(uint32_t group, ObjectRecord object, uint32_t primitives) {
+  Group& g = groups_[group];
+  if (scene_->arrays_.materials[object.material].flags & kHasEmission) {
+    object.light_offset = g.emitters;
+    g.emitters += primitives;
+  }
+  g.objects.push_back(static_cast<uint32_t>(scene_->arrays_.objects.size()));
+  scene_->arrays_.objects.push_back(object);
+}
+
+void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material, const std::optional<Transform>& transform,
+                              const std::optional<Transform>& transform_end) {
+  check_group(group);
+  check_material(material);
+  if (mesh >= meshes_.size()) fail("mesh " + std::to_string(mesh) + ": expected an index below " + std::to_string(meshes_.size()));
+  if (transform) check_invertible(*transform);
+  if (transform_end) check_invertible(*transform_end);
+  const Mesh& m = meshes_[mesh];
+  const MeshData& d = m.data;
+  const Transform start = transform.value_or(Transform{}), end = transform_end.value_or(start);
+  const bool moving = transform_end.has_value() || !d.positions_end.empty();
+  const std::vector<Vec3>& positions_end = d.positions_end.empty() ? d.positions : d.positions_end;
+  Group& g = groups_[group];
+  ObjectRecord object;
+  object.material = material;
+  object.first_triangle = m.first_triangle;
+  object.first_uv = m.first_uv;
+  object.first_color = m.first_color;
+  object.first_normal = add_normals(d.normals, transform);
+  if (moving && !d.normals.empty())
+    object.first_normal_end = add_normals(d.normals_end.empty() ? d.normals : d.normals_end, end);
+  object.flipped = start.determinant() < 0;
+  const uint32_t index = static_cast<uint32_t>(scene_->arrays_.objects.size());
+  const uint32_t count = static_cast<uint32_t>(d.indices.size() / 3);
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t* t = d.indices.data() + 3 * static_cast<size_t>(i);
+    LeafPrimitive p;
+    p.a = start.point(d.positions[t[0]]), p.b = start.point(d.positions[t[1]]), p.c = start.point(d.positions[t[2]]);
+    p.object = index;
+    p.primitive = i;
+    Bounds box;
+    box.grow(p.a), box.grow(p.b), box.grow(p.c);
+    if (moving) {
+      const TriangleVertices e{end.point(positions_end[t[0]]), end.point(positions_end[t[1]]), end.point(positions_end[t[2]])};
+      box.grow(e.a), box.grow(e.b), box.grow(e.c);
+      p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::MovingTriangle) |
+                         static_cast<uint32_t>(scene_->arrays_.moving.size()) << 2;
+      scene_->arrays_.moving.push_back(e);
+    }
+    g.primitives.push_back(p);
+    g.boxes.push_back(box);
+  }
+  scene_->stats_.triangles += count;
+  add_object(group, object, count);
+}
+
+void SceneBuilder::add_spheres(uint32_t group, const std::vector<Vec3>& centers, const std::vector<float>& radii, uint32_t material,
+                               const std::vector<Vec3>& centers_end) {
+  check_group(group);
+  check_material(material);
+  check_finite(centers, "centers");
+  check_finite(centers_end, "centers1");
+  if (radii.size() != centers.size() || (!centers_end.empty() && centers_end.size() != centers.size()))
+    fail("spheres: expected as many radii and end positions as centres");
+  Group& g = groups_[group];
+  const uint32_t index = static_cast<uint32_t>(scene_->arrays_.objects.size());
+  for (uint32_t i = 0; i < centers.size(); ++i) {
+    if (!std::isfinite(radii[i]) || radii[i] == 0)
+      fail("radii[" + std::to_string(i) + "]: " + std::to_string(radii[i]) + "; expected a finite number other than 0");
+    LeafPrimitive p;
+    p.a = centers[i];
+    p.b = {radii[i], 0, 0};
+    p.c = centers_end.empty() ? Vec3() : centers_end[i] - centers[i];
+    p.object = index;
+    p.primitive = i;
+    p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::Sphere);
+    const Vec3 r(std::fabs(radii[i]));
+    Bounds box;
+    for (const Vec3& c : {p.a, p.a + p.c}) box.grow(c - r), box.grow(c + r);
+    g.primitives.push_back(p);
+    g.boxes.push_back(box);
+  }
+  scene_->stats_.spheres += centers.size();
+  ObjectRecord object;
+  object.material = material;
+  add_object(group, object, static_cast<uint32_t>(centers.size()));
+}
+
+void SceneBuilder::add_instance(uint32_t group, const Transform& transform, const std::optional<Transform>& transform_end) {
+  check_group(group);
+  if (group == 0) fail("the world cannot be placed in itself");
+  check_invertible(transform);
+  if (transform_end) check_invertible(*transform_end);
+  Instance it;
+  it.to_world = transform;
+  it.to_local = transform.inverse();
+  it.to_world_end = transform_end.value_or(transform);
+  it.moving = transform_end.has_value();
+  it.flipped = transform.determinant() < 0;
+  scene_->arrays_.instances.push_back(it);
+  placed_.push_back({group, it.moving != 0});
+}
+
+void SceneBuilder::add_light(const AnyLight& light) { scene_->arrays_.punctual.push_back(light); }
+
+void SceneBuilder::set_environment(const Environment& environment, EnvironmentTables tables) {
+  scene_->arrays_.environment = std::move(tables);
+  scene_->view_.environment = environment;
+  has_environment_ = true;
+}
+
+uint32_t SceneBuilder::add_camera(const AnyCamera& camera) {
+  scene_->cameras_.push_back(camera);
+  return static_cast<uint32_t>(scene_->cameras_.size()) - 1;
+}
+
+}  // namespace destello

@@ -1,0 +1,153 @@
+// The scene on the host: a builder that collects and checks, and the finished scene that owns what SceneView points to.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "accel/bvh_build.h"
+#include "camera/cameras.h"
+#include "light/environment_build.h"
+#include "scene/scene_view.h"
+#include "scene/surface_params.h"
+
+namespace destello {
+
+struct SceneStats {
+  uint64_t triangles = 0, spheres = 0, instances = 0, lights = 0, materials = 0, textures = 0;
+  uint64_t dropped = 0;       // degenerate triangles
+  uint64_t geometry_bytes = 0, bvh_bytes = 0, texture_bytes = 0;
+  double build_seconds = 0;   // of all trees
+  BvhStats world;             // the world's own tree
+};
+
+// Arrays of the finished scene. Not changed after SceneBuilder::build.
+struct SceneArrays {
+  std::vector<Node8> nodes;
+  std::vector<LeafPrimitive> leaves;
+  std::vector<Instance> instances;
+  std::vector<TriangleVertices> moving;
+  std::vector<ObjectRecord> objects;
+  std::vector<uint32_t> triangles;
+  std::vector<Vec3> normals;
+  std::vector<Vec2> uvs;
+  std::vector<Vec4> colors;
+  std::vector<MaterialRecord> materials;
+  std::vector<Interior> interiors;
+  std::vector<TextureRecord> textures;
+  std::vector<Slot> slots;
+  std::vector<Image> images;
+  std::vector<unsigned char> texels;
+  std::vector<float> srgb_table;
+  std::vector<AnyLight> punctual;
+  std::vector<uint32_t> suns;
+  std::vector<AreaLight> area_lights;
+  std::vector<AliasEntry> all_lights, auto_lights;
+  EnvironmentTables environment;
+};
+
+class Scene {
+ public:
+  // Pointers into this object: valid as long as it lives and is not moved.
+  const SceneView& view() const { return view_; }
+  const SceneArrays& arrays() const { return arrays_; }
+  const SceneStats& stats() const { return stats_; }
+  const std::vector<AnyCamera>& cameras() const { return cameras_; }
+  const Bounds& bounds() const { return bounds_; }
+  // The interiors that hold point p at time 0.
+  std::vector<uint32_t> interiors_at(Vec3 p) const;
+
+  Scene() = default;
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+ private:
+  friend class SceneBuilder;
+  SceneArrays arrays_;
+  SceneView view_;
+  SceneStats stats_;
+  std::vector<AnyCamera> cameras_;
+  Bounds bounds_;
+};
+
+// A triangle mesh as given; N vertices, M triangles. Optional arrays are empty or of N entries.
+struct MeshData {
+  std::vector<Vec3> positions, positions_end;  // metres; at time 0 and 1
+  std::vector<uint32_t> indices;               // 3 M
+  std::vector<Vec3> normals, normals_end;
+  std::vector<Vec2> uvs;
+  std::vector<Vec4> colors;                    // linear
+};
+
+// Collects a scene. Bad input raises std::invalid_argument with a message for the user; indices handed back number each
+// kind from 0. Group 0 is the world.
+class SceneBuilder {
+ public:
+  SceneBuilder();
+
+  uint32_t add_image(Image image, const void* texels, size_t bytes);
+  uint32_t add_texture(uint32_t type, const std::vector<Slot>& slots);
+  // `slots` in the order of the material's params, `surface` in that of SurfaceParams.
+  uint32_t add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface, uint32_t mix_first,
+                        uint32_t mix_second);
+  uint32_t add_mesh(MeshData mesh, uint32_t* dropped);
+  uint32_t add_group();
+  void place_mesh(uint32_t group, uint32_t mesh, uint32_t material, const std::optional<Transform>& transform,
+                  const std::optional<Transform>& transform_end);
+  void add_spheres(uint32_t group, const std::vector<Vec3>& centers, const std::vector<float>& radii, uint32_t material,
+                   const std::vector<Vec3>& centers_end);
+  void add_instance(uint32_t group, const Transform& transform, const std::optional<Transform>& transform_end);
+  void add_light(const AnyLight& light);
+  void set_environment(const Environment& environment, EnvironmentTables tables);
+  uint32_t add_camera(const AnyCamera& camera);
+
+  // Builds the trees and the light tables. The builder is of no use afterwards.
+  std::unique_ptr<Scene> build();
+
+ private:
+  struct Mesh {
+    MeshData data;
+    uint32_t first_triangle = 0;
+    uint32_t first_uv = kNoIndex, first_color = kNoIndex;
+  };
+  struct Group {
+    std::vector<Bounds> boxes;
+    std::vector<LeafPrimitive> primitives;
+    std::vector<uint32_t> objects;
+    uint32_t emitters = 0;   // emitting primitives
+    uint32_t root = kNoIndex;
+    Bounds bounds;
+  };
+  struct PlacedInstance {
+    uint32_t group;
+    bool moving;
+  };
+
+  void check_material(uint32_t material) const;
+  void check_group(uint32_t group) const;
+  uint32_t add_slots(const std::vector<Slot>& slots, size_t expected);
+  uint32_t add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform);
+  uint32_t slot_flags(uint32_t first, size_t count) const;
+  void add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material);
+  void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);
+  void resolve_mixes();
+  void resolve_powers();
+  void build_trees();
+  void build_group(Group* group);
+  void build_lights();
+  void collect_area_lights();
+  std::vector<float> light_powers() const;
+  float emitter_area(const AreaLight& light) const;
+  Vec3 mean_emission(const MaterialRecord& material) const;
+  void make_view();
+
+  std::unique_ptr<Scene> scene_;
+  std::vector<Mesh> meshes_;
+  std::vector<Group> groups_;
+  std::vector<PlacedInstance> placed_;
+  std::vector<float> emissive_power_;  // per material: W, 0 = by radiance
+  bool has_environment_ = false;
+};
+
+}  // namespace destello

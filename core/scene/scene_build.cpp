@@ -1,0 +1,264 @@
+// The second half of SceneBuilder: from collected shapes to trees, light tables and the view.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+#include "accel/traverse_host.h"
+#include "scene/area_light.h"
+#include "scene/scene.h"
+
+namespace destello {
+
+std::unique_ptr<Scene> SceneBuilder::build() {
+  const auto start = std::chrono::steady_clock::now();
+  SceneArrays& a = scene_->arrays_;
+  resolve_mixes();
+  build_trees();
+  a.srgb_table.resize(256);
+  for (int i = 0; i < 256; ++i) a.srgb_table[static_cast<size_t>(i)] = srgb_to_linear(static_cast<float>(i) / 255.0f);
+  collect_area_lights();
+  make_view();
+  resolve_powers();
+  build_lights();
+  make_view();
+  SceneStats& s = scene_->stats_;
+  s.instances = a.instances.size();
+  s.lights = a.punctual.size() + a.area_lights.size() + (has_environment_ ? 1 : 0);
+  s.materials = a.materials.size();
+  s.textures = a.textures.size();
+  s.bvh_bytes = a.nodes.size() * sizeof(Node8);
+  s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
+                     a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.uvs.size() * sizeof(Vec2) +
+                     a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
+  s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
+  s.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return std::move(scene_);
+}
+
+// Children come before their mix, so one pass in order sees every child resolved.
+void SceneBuilder::resolve_mixes() {
+  auto& materials = scene_->arrays_.materials;
+  for (MaterialRecord& m : materials) {
+    if (!(m.flags & kIsMix)) continue;
+    const uint32_t a = materials[m.mix_first].flags, b = materials[m.mix_second].flags;
+    m.flags |= (a | b) & kNeedsUv;
+    if ((a & b) & kOpaqueToShadows) m.flags |= kOpaqueToShadows;
+  }
+}
+
+void SceneBuilder::build_group(Group* group) {
+  SceneArrays& a = scene_->arrays_;
+  std::vector<uint32_t> order;
+  BvhStats stats;
+  const uint32_t first = static_cast<uint32_t>(a.leaves.size());
+  group->root = build_bvh(group->boxes, first, &a.nodes, &order, &stats);
+  for (const uint32_t i : order) a.leaves.push_back(group->primitives[i]);
+  for (const Bounds& b : group->boxes) group->bounds.grow(b);
+  if (group == groups_.data()) scene_->stats_.world = stats;
+  group->boxes = {};
+  group->primitives = {};
+}
+
+void SceneBuilder::build_trees() {
+  SceneArrays& a = scene_->arrays_;
+  meshes_.clear();
+  a.nodes.emplace_back();  // node 0: the world's root, moved there when it is known
+  for (size_t i = 1; i < groups_.size(); ++i) build_group(&groups_[i]);
+  Group& world = groups_[0];
+  for (uint32_t i = 0; i < placed_.size(); ++i) {
+    Instance& it = a.instances[i];
+    const Group& g = groups_[placed_[i].group];
+    it.root = g.root;
+    if (g.bounds.empty()) continue;
+    LeafPrimitive p;
+    p.object = i;
+    p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::Instance);
+    Bounds box = transform_bounds(it.to_world, g.bounds);
+    box.grow(transform_bounds(it.to_world_end, g.bounds));
+    world.primitives.push_back(p);
+    world.boxes.push_back(box);
+  }
+  build_group(&world);
+  a.nodes[0] = a.nodes[world.root];
+  scene_->bounds_ = world.bounds;
+}
+
+void SceneBuilder::collect_area_lights() {
+  SceneArrays& a = scene_->arrays_;
+  uint32_t base = 0;
+  scene_->view_.world_light_base = 0;
+  base += groups_[0].emitters;
+  for (uint32_t i = 0; i < placed_.size(); ++i) {
+    a.instances[i].light_base = base;
+    base += groups_[placed_[i].group].emitters;
+  }
+  a.area_lights.assign(base, AreaLight{});
+  if (base == 0) return;
+  std::vector<uint32_t> group_of(a.objects.size());
+  for (uint32_t g = 0; g < groups_.size(); ++g)
+    for (const uint32_t o : groups_[g].objects) group_of[o] = g;
+  std::vector<std::vector<uint32_t>> instances_of(groups_.size());
+  for (uint32_t i = 0; i < placed_.size(); ++i) instances_of[placed_[i].group].push_back(i);
+  for (uint32_t leaf = 0; leaf < a.leaves.size(); ++leaf) {
+    const LeafPrimitive& p = a.leaves[leaf];
+    if (p.kind() == PrimitiveKind::Instance || a.objects[p.object].light_offset == kNoIndex) continue;
+    const uint32_t position = a.objects[p.object].light_offset + p.primitive;
+    if (group_of[p.object] == 0) a.area_lights[position] = {leaf, kNoIndex};
+    for (const uint32_t i : instances_of[group_of[p.object]]) a.area_lights[a.instances[i].light_base + position] = {leaf, i};
+  }
+}
+
+float SceneBuilder::emitter_area(const AreaLight& light) const {
+  const SceneView& v = scene_->view_;
+  const LeafPrimitive& p = v.geometry.leaves[light.leaf];
+  if (p.kind() == PrimitiveKind::Sphere) return 4 * kPi * sqr(world_sphere(v, light, p, 0).radius);
+  const TriangleVertices t = world_triangle(v, light, p, 0);
+  return 0.5f * length(cross(t.b - t.a, t.c - t.a));
+}
+
+// An emitter given by its power shines with power / (area pi sides) times its colour.
+void SceneBuilder::resolve_powers() {
+  SceneArrays& a = scene_->arrays_;
+  if (std::none_of(emissive_power_.begin(), emissive_power_.end(), [](float p) { return p > 0; })) return;
+  std::vector<double> area(a.materials.size());
+  for (const AreaLight& l : a.area_lights) area[a.objects[a.leaves[l.leaf].object].material] += emitter_area(l);
+  for (size_t i = 0; i < area.size(); ++i) {
+    if (!(emissive_power_[i] > 0) || !(area[i] > 0)) continue;
+    const double sides = a.materials[i].flags & kEmissionTwoSided ? 2 : 1;
+    a.slots[a.materials[i].surface_slot + kEmissionSlot].value *= static_cast<float>(emissive_power_[i] / (area[i] * kPi * sides));
+  }
+}
+
+// The mean over a grid of uv (and of positions, for solid textures): good enough to pick lights by.
+Vec3 SceneBuilder::mean_emission(const MaterialRecord& material) const {
+  const SceneView& v = scene_->view_;
+  const Slot& slot = v.textures.slots[material.surface_slot + kEmissionSlot];
+  if (slot.is_constant()) return slot.value;
+  constexpr int kGrid = 16;
+  Vec3 sum;
+  for (int i = 0; i < kGrid * kGrid; ++i) {
+    TextureContext c;
+    c.uv = {(static_cast<float>(i % kGrid) + 0.5f) / kGrid, (static_cast<float>(i / kGrid) + 0.5f) / kGrid};
+    const Bounds& b = scene_->bounds_;
+    c.position = b.lo + b.extent() * Vec3(c.uv.x, c.uv.y, static_cast<float>(i * 37 % 256) / 256.0f);
+    sum += eval_slot(slot, c, v.textures, false);
+  }
+  return sum / (kGrid * kGrid);
+}
+
+struct LightPower {
+  const SceneBounds& bounds;
+  template <class L>
+  float operator()(const L& light) const {
+    return light.power(bounds);
+  }
+};
+struct LightIsDelta {
+  template <class L>
+  bool operator()(const L& light) const {
+    return light.is_delta();
+  }
+};
+
+std::vector<float> SceneBuilder::light_powers() const {
+  const SceneArrays& a = scene_->arrays_;
+  const Bounds& b = scene_->bounds_;
+  SceneBounds ball;
+  if (!b.empty()) ball = {b.center(), std::max(0.5f * length(b.extent()), 1e-20f)};
+  std::vector<float> power;
+  for (const AnyLight& l : a.punctual) power.push_back(l.visit(LightPower{ball}));
+  std::vector<float> emission(a.materials.size(), -1.0f);  // per material, on demand
+  for (const AreaLight& l : a.area_lights) {
+    const uint32_t index = a.objects[a.leaves[l.leaf].object].material;
+    const MaterialRecord& m = a.materials[index];
+    if (emission[index] < 0) {
+      // A texture that happens to be black on the grid keeps a chance to be sampled.
+      const Vec3 value = a.slots[m.surface_slot + kEmissionSlot].value;
+      emission[index] = std::max(luminance(mean_emission(m)), 1e-3f * luminance(value));
+    }
+    power.push_back(kPi * emitter_area(l) * emission[index] * (m.flags & kEmissionTwoSided ? 2.0f : 1.0f));
+  }
+  if (has_environment_) power.push_back(scene_->view_.environment.power(ball, scene_->view_.light_data));
+  for (float& p : power)
+    if (!std::isfinite(p)) throw std::invalid_argument("a light's power is not finite");
+  return power;
+}
+
+void SceneBuilder::build_lights() {
+  SceneArrays& a = scene_->arrays_;
+  for (uint32_t i = 0; i < a.punctual.size(); ++i)
+    if (!a.punctual[i].visit(LightIsDelta{})) a.suns.push_back(i);
+  const auto table = [](const std::vector<float>& power) {
+    std::vector<AliasEntry> t;
+    if (std::none_of(power.begin(), power.end(), [](float p) { return p > 0; })) return t;
+    if (power.size() > (1u << 23)) throw std::invalid_argument("more than 2^23 emitting triangles and spheres");
+    t.resize(power.size());
+    build_alias_table(power.data(), static_cast<uint32_t>(power.size()), t.data());
+    return t;
+  };
+  std::vector<float> power = light_powers();
+  a.all_lights = table(power);
+  // The constant and the gradient environment vary little over a hemisphere: directions drawn by the BSDF find their
+  // light with less variance than directions drawn over the sphere, and without a shadow ray. Images need light sampling.
+  const bool smooth = has_environment_ && scene_->view_.environment.kind.tag() != index_of<ImageEnvironment>(Environments{});
+  if (smooth) power.back() = 0;
+  a.auto_lights = table(power);
+}
+
+template <class T>
+static Span<T> span(const std::vector<T>& v) {
+  return {v.data(), static_cast<uint32_t>(v.size())};
+}
+
+void SceneBuilder::make_view() {
+  const SceneArrays& a = scene_->arrays_;
+  SceneView& v = scene_->view_;
+  v.geometry = {a.nodes.data(), a.leaves.data(), a.instances.data(), a.moving.data(), a.instances.empty() ? 0u : 1u};
+  v.objects = span(a.objects);
+  v.triangles = a.triangles.data();
+  v.normals = a.normals.data();
+  v.uvs = a.uvs.data();
+  v.colors = a.colors.data();
+  v.materials = span(a.materials);
+  v.interiors = span(a.interiors);
+  v.textures = {span(a.textures), span(a.slots), span(a.images), a.texels.data(), a.srgb_table.data()};
+  v.punctual = span(a.punctual);
+  v.suns = span(a.suns);
+  v.area_lights = span(a.area_lights);
+  v.all_lights = {span(a.all_lights)};
+  v.auto_lights = {span(a.auto_lights)};
+  v.light_data.image = a.environment.view();
+  v.has_environment = has_environment_;
+  v.has_boundaries = !a.interiors.empty();
+  v.clear_shadows = std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); }) &&
+                    std::all_of(a.materials.begin(), a.materials.end(),
+                                [](const MaterialRecord& m) { return (m.flags & kOpaqueToShadows) != 0; });
+}
+
+// Walks a straight line from p to infinity. An interior that is left without having been entered holds p.
+std::vector<uint32_t> Scene::interiors_at(Vec3 p) const {
+  std::vector<uint32_t> entered, holding;
+  if (view_.has_boundaries == 0) return holding;
+  Ray ray{p, normalize(Vec3(0.3713f, 0.8407f, 0.3942f)), kInfinity, 0};
+  constexpr int kMaxCrossings = 10000;
+  for (int i = 0; i < kMaxCrossings; ++i) {
+    Hit hit;
+    if (!traverse_host<false>(view_.geometry, ray, &hit)) break;
+    const Surface s = make_surface(view_, ray, hit);
+    const MaterialRecord& m = view_.materials[s.material];
+    ray.origin = offset_origin(s.p, s.error, s.ng, ray.direction);
+    if (!(m.flags & kIsBoundary)) continue;
+    const auto at = std::find(entered.begin(), entered.end(), m.interior);
+    if (s.front) {
+      entered.push_back(m.interior);
+    } else if (at != entered.end()) {
+      entered.erase(at);
+    } else {
+      holding.insert(holding.begin(), m.interior);  // the first one left is the innermost, hence the newest
+    }
+  }
+  return holding;
+}
+
+}  // namespace destello

@@ -1,0 +1,100 @@
+// The scene as light transport reads it, on host or device: pointers and small records, owned by Scene (scene.h) or by a
+// device's copy of it.
+#pragma once
+
+#include "accel/geometry.h"
+#include "base/distribution.h"
+#include "bsdf/materials.h"
+#include "light/environment.h"
+#include "light/lights.h"
+#include "medium/homogeneous.h"
+#include "texture/textures.h"
+
+namespace destello {
+
+inline constexpr uint32_t kNoIndex = 0xffffffffU;
+
+enum MaterialFlag : uint32_t {
+  kHasOpacity = 1,          // the opacity slot is not a constant 1
+  kHasEmission = 2,
+  kEmissionTwoSided = 4,
+  kHasNormalMap = 8,
+  kIsBoundary = 16,         // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
+  kIsInterface = 32,        // no surface at all, only a boundary
+  kNeedsUv = 64,            // some texture wants texture coordinates
+  kIsMix = 128,
+  kOpaqueToShadows = 256,   // blocks shadow rays for sure
+};
+
+// A material: the BSDF's own parameters and those that every surface has.
+struct MaterialRecord {
+  uint32_t type = 0;          // position in Materials
+  uint32_t flags = 0;         // MaterialFlag
+  uint32_t first_slot = 0;    // the BSDF's parameters, in declared order
+  uint32_t surface_slot = 0;  // opacity, emission, normal map
+  uint32_t interior = kNoIndex;
+  uint32_t mix_first = kNoIndex, mix_second = kNoIndex;  // materials, if kIsMix
+  float opacity_cutoff = 0;   // > 0: opacity below it is 0, else 1
+  float normal_scale = 1;
+};
+enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurfaceSlots };
+
+// What a boundary encloses.
+struct Interior {
+  Medium medium;
+  float ior = 1;         // at 587.56 nm
+  float priority = 0;    // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
+};
+
+// A placed mesh or a set of spheres: what its primitives share.
+struct ObjectRecord {
+  uint32_t material = 0;
+  uint32_t light_offset = kNoIndex;   // its first primitive among the emitters of its group
+  uint32_t first_triangle = 0;        // into SceneView::triangles
+  uint32_t first_normal = kNoIndex;   // into normals, kNoIndex: none; the same for uvs and colours
+  uint32_t first_uv = kNoIndex;
+  uint32_t first_color = kNoIndex;
+  uint32_t first_normal_end = kNoIndex;  // normals at time 1 of a moving mesh
+  uint32_t flipped = 0;               // placed by a mirroring transform: the stored triangles wind the other way round
+};
+
+// An emitting primitive: one triangle or sphere, in one instance or in the world.
+struct AreaLight {
+  uint32_t leaf = 0;
+  uint32_t instance = kNoIndex;
+};
+
+// Lights in one row: punctual, then area, then the environment.
+struct LightTable {
+  Span<AliasEntry> pick;  // empty: nothing to sample
+};
+
+struct SceneView {
+  GeometryView geometry;
+  Span<ObjectRecord> objects;
+  const uint32_t* triangles = nullptr;  // three vertex indices each, relative to the object's first vertex
+  const Vec3* normals = nullptr;
+  const Vec2* uvs = nullptr;
+  const Vec4* colors = nullptr;
+
+  Span<MaterialRecord> materials;
+  Span<Interior> interiors;
+  TextureData textures;
+
+  Span<AnyLight> punctual;
+  Span<uint32_t> suns;  // the punctual lights that escaping rays can see
+  Span<AreaLight> area_lights;
+  Environment environment;
+  LightData light_data;
+  LightTable all_lights;   // every light
+  LightTable auto_lights;  // without an environment that cosine-weighted sampling finds as well (see scene.cpp)
+  uint32_t has_environment = 0;
+  uint32_t world_light_base = kNoIndex;  // first area light of the world's own emitters, as Instance::light_base
+  uint32_t has_boundaries = 0;   // some material is a boundary: paths keep track of what they are in
+  uint32_t clear_shadows = 0;    // every surface blocks shadow rays for sure: any hit will do
+
+  DST_HD uint32_t first_area_light() const { return punctual.size; }
+  DST_HD uint32_t environment_light() const { return punctual.size + area_lights.size; }
+};
+
+}  // namespace destello

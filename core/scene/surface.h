@@ -1,0 +1,114 @@
+// The point of a surface that a ray has hit: position with error bound, normals, texture coordinates.
+#pragma once
+
+#include "scene/scene_view.h"
+
+namespace destello {
+
+struct Surface {
+  Vec3 p;
+  Vec3 error;              // bound on p's error, componentwise
+  Vec3 ng;                 // geometric normal, unit, on the outward side
+  Vec3 ns;                 // shading normal, unit, on ng's side
+  Vec3 tangent;            // direction of growing u, any length; 0 if unknown
+  Vec2 uv;
+  Vec4 color{1, 1, 1, 1};  // vertex colour
+  uint32_t material = 0;
+  uint32_t light = kNoIndex;  // index among area lights
+  bool front = true;       // the ray came from the outward side
+};
+
+DST_FN Vec3 face_towards(Vec3 n, Vec3 v) { return dot(n, v) < 0 ? -n : n; }
+
+// Smooth normals, uvs and colours of a triangle.
+DST_FN void interpolate_attributes(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, float u, float v,
+                                   float time, const TriangleVertices& vertices, Surface* s) {
+  const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
+  const float w = 1.0f - u - v;
+  if (object.first_normal != kNoIndex) {
+    const Vec3* n = scene.normals + object.first_normal;
+    Vec3 ns = n[index[0]] * w + n[index[1]] * u + n[index[2]] * v;
+    if (object.first_normal_end != kNoIndex) {
+      const Vec3* e = scene.normals + object.first_normal_end;
+      ns = lerp(ns, e[index[0]] * w + e[index[1]] * u + e[index[2]] * v, time);
+    }
+    if (length_squared(ns) > 0) s->ns = ns;
+  }
+  if (object.first_uv != kNoIndex) {
+    const Vec2* t = scene.uvs + object.first_uv;
+    const Vec2 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
+    s->uv = ta * w + tb * u + tc * v;
+    // dp/du from the two edges (pbrt 4, section 6.5.4)
+    const Vec2 d1 = tb - ta, d2 = tc - ta;
+    const float det = d1.x * d2.y - d1.y * d2.x;
+    if (det != 0) s->tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
+  } else {
+    s->uv = {u, v};
+  }
+  if (object.first_color != kNoIndex) {
+    const Vec4* c = scene.colors + object.first_color;
+    const Vec4 ca = c[index[0]], cb = c[index[1]], cc = c[index[2]];
+    s->color = {ca.x * w + cb.x * u + cc.x * v, ca.y * w + cb.y * u + cc.y * v, ca.z * w + cb.z * u + cc.z * v,
+                ca.w * w + cb.w * u + cc.w * v};
+  }
+}
+
+// From the instance's space to the world.
+DST_FN void place_surface(const Instance& instance, float time, Surface* s) {
+  const Transform world = instance.world_at(time), local = instance.local_at(time);
+  const Vec3 p = world.point(s->p);
+  // Own error, carried error, and what the next ray's way back into the instance will add.
+  s->error = world.carried_error(s->error) + world.point_error(abs(s->p)) + world.carried_error(local.point_error(abs(p)));
+  s->p = p;
+  s->ng = normalize(local.transposed_vector(s->ng));
+  s->ns = local.transposed_vector(s->ns);
+  s->tangent = world.vector(s->tangent);
+}
+
+DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
+  const LeafPrimitive& prim = scene.geometry.leaves[hit.leaf];
+  const ObjectRecord& object = scene.objects[prim.object];
+  const bool instanced = hit.instance != Hit::kNone;
+  const Instance* instance = instanced ? scene.geometry.instances + hit.instance : nullptr;
+  Surface s;
+  s.material = object.material;
+  if (object.light_offset != kNoIndex)
+    s.light = (instanced ? instance->light_base : scene.world_light_base) + object.light_offset + prim.primitive;
+  if (prim.kind() == PrimitiveKind::Sphere) {
+    Vec3 p = ray.origin + ray.direction * hit.t;
+    if (instanced) p = instance->local_at(ray.time).point(p);
+    const SpherePoint q = sphere_point(p, prim.a + prim.c * ray.time, prim.b.x);
+    s.p = q.p;
+    s.error = q.error;
+    s.ng = s.ns = q.normal;
+    if (scene.materials[s.material].flags & kNeedsUv) {
+      const Vec3 outward = prim.b.x < 0 ? -q.normal : q.normal;
+      s.uv = sphere_uv(outward);
+      s.tangent = sphere_tangent(outward);
+    }
+  } else {
+    const TriangleVertices v = triangle_at(scene.geometry, prim, ray.time);
+    s.p = triangle_point(v.a, v.b, v.c, hit.u, hit.v, &s.error);
+    s.ng = normalize(cross(v.b - v.a, v.c - v.a));
+    if (object.flipped) s.ng = -s.ng;
+    s.ns = s.ng;
+    interpolate_attributes(scene, object, prim.primitive, hit.u, hit.v, ray.time, v, &s);
+  }
+  if (instanced) place_surface(*instance, ray.time, &s);
+  s.ns = face_towards(normalize(s.ns), s.ng);
+  s.front = dot(ray.direction, s.ng) < 0;
+  return s;
+}
+
+DST_FN TextureContext texture_context(const Surface& s) { return {s.p, s.uv, s.color}; }
+
+// The normal that a glTF normal map bends ns to: x along the tangent, y along growing v, z along ns.
+DST_FN Vec3 apply_normal_map(const Surface& s, Vec3 sampled, float scale) {
+  if (length_squared(s.tangent) == 0) return s.ns;
+  const Vec3 local{(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * scale, 2 * sampled.z - 1};
+  const Frame frame = Frame::from_zx(s.ns, s.tangent);
+  const Vec3 n = frame.to_world(local);
+  return length_squared(n) > 0 && dot(n, s.ng) > 0 ? normalize(n) : s.ns;
+}
+
+}  // namespace destello
