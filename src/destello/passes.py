@@ -21,9 +21,11 @@ from destello.film import Film, Span, add_spans, count_samples, relative_error, 
 from destello.job import Job
 from destello.progress import Progress, Status
 
-# Seconds a pass should take, and by how much the next may be longer than the last. Short enough to see the picture
-# refine and to lose little when interrupted, long enough that adding up (a film is 72 bytes a pixel) does not count.
+# Seconds a pass should take, how many times what it costs besides rendering (a film of 72 bytes a pixel is cleared and
+# added), but no longer than this; and by how much the next pass may be longer than the last.
 _PASS_SECONDS = {"cpu": 0.2, "cuda": 0.5}
+_OVERHEADS = 20.0
+_LONGEST = 2.0
 _GROWTH = {"cpu": 4, "cuda": 16}
 
 
@@ -42,19 +44,21 @@ class Pacer:
     kind: str
     seconds_per_sample: float = 0.0
     last: int = 0
+    _target: float = 0.0
 
     def next(self) -> int:
         """Samples a pixel, at least 1."""
         if self.last == 0:
             return 1 if self.kind == "cpu" else 4
-        target = _PASS_SECONDS[self.kind]
-        wanted = target / self.seconds_per_sample if self.seconds_per_sample > 0 else float("inf")
+        wanted = self._target / self.seconds_per_sample if self.seconds_per_sample > 0 else float("inf")
         return max(1, int(min(wanted, self.last * _GROWTH[self.kind])))
 
-    def took(self, samples: int, seconds: float) -> None:
-        """Learns from a pass."""
+    def took(self, samples: int, seconds: float, rendering: float) -> None:
+        """Learns from a pass: how long it was, and how much of that was rendering."""
         self.last = samples
         self.seconds_per_sample = seconds / samples
+        overhead = max(0.0, seconds - rendering)
+        self._target = min(_LONGEST, max(_PASS_SECONDS[self.kind], _OVERHEADS * overhead))
 
 
 class Interrupt:
@@ -141,7 +145,7 @@ class Loop:
                     self.stopped_by = "interrupt"
                     break
                 self._absorb(scratch, span, counts)
-                self._pacer.took(span[1] - span[0], time.monotonic() - began)
+                self._pacer.took(span[1] - span[0], time.monotonic() - began, float(counts["seconds"]))
                 self._pass_check()
                 self.seconds = time.monotonic() - self._start
                 self.after_pass(self.film, self.seconds)
@@ -190,7 +194,9 @@ class Loop:
         try:
             while True:
                 with suppress(FutureTimeout):
-                    return future.result(timeout=0.5)
+                    return future.result(timeout=0.02 if self._interrupt.wanted else 0.5)
+                if self._interrupt.wanted:
+                    self.renderer.cancel()  # again: the first call is lost if the pass had not quite begun
         except KeyboardInterrupt:
             if self._interrupt.wanted:
                 raise  # the second one
