@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 from destello.errors import SceneError
 from destello.nodes import Node
 from destello.schema import ParamDoc, TypeDoc, schema
 
-Factory = Callable[..., Node]
+Factory: TypeAlias = Callable[..., Node]
 
 
 class Factories:
