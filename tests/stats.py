@@ -2,12 +2,12 @@
 
 How to use them:
 
-- A sampler of directions against its density: ``chi2_directions(draw, pdf, seed=...)``. ``draw`` gets uniform numbers and
-  returns directions (NaN rows where it gave none), ``pdf`` the solid-angle density. The test also sees missing mass: the
-  share of failed samples is compared with one minus the integral of the density.
+- A sampler of directions against its density: ``chi2_directions(draw, pdf, seed=...)``. ``draw`` gets uniform numbers
+  and returns directions (NaN rows where it gave none), ``pdf`` the solid-angle density. The test also sees missing
+  mass: the share of failed samples is compared with one minus the integral of the density.
 - A sampler of points in a rectangle (a disk in polar coordinates, a filter, an image): ``chi2_grid``.
-- Random means against known values: ``assert_mean``; against each other: ``assert_means_agree`` (pictures: give means and
-  the variances of these means, per pixel; the threshold is corrected for the number of pixels).
+- Random means against known values: ``assert_mean``; against each other: ``assert_means_agree`` (pictures: give means
+  and the variances of these means, per pixel; the threshold is corrected for the number of pixels).
 - When a test is parametrised over n cases, pass ``comparisons=n``: the family then errs with probability ``ALPHA`` as a
   whole (Sidak's correction). Seeds are fixed, so a test passes always or never.
 
@@ -42,7 +42,7 @@ def z_threshold(comparisons: int, alpha: float = ALPHA) -> float:
     return float(scipy_stats.norm.isf(sidak(comparisons, alpha) / 2))
 
 
-# --- chi-square --------------------------------------------------------------------------------------------------------
+# --- chi-square ------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Chi2:
         assert self.mass <= 1 + 2e-3, f"the density integrates to {self.mass:.5f}"
         limit = sidak(comparisons, alpha)
         assert self.p_value >= limit, (
-            f"chi-square {self.statistic:.1f} on {self.degrees} degrees of freedom, p {self.p_value:.2e} < {limit:.2e}; "
+            f"chi-square {self.statistic:.1f}, {self.degrees} degrees of freedom, p {self.p_value:.2e} < {limit:.2e}; "
             f"mass {self.mass:.5f}, {self.failed} of {self.samples} samples failed; worst: {self.worst}"
         )
 
@@ -73,8 +73,8 @@ class Chi2:
 def chi2_counts(observed: ArrayLike, expected: ArrayLike, names: Callable[[int], str] = str) -> Chi2:
     """Compare counts with expected counts, cell by cell. Both sum to the number of samples.
 
-    Cells that expect less than ``MIN_EXPECTED`` are pooled in the order of their expectation until each pool expects that
-    much; what remains joins the last pool. Where next to nothing is expected, few samples are enough to fail.
+    Cells that expect less than ``MIN_EXPECTED`` are pooled in the order of their expectation until each pool expects
+    that much; what remains joins the last pool. Where next to nothing is expected, few samples are enough to fail.
     """
     seen, hoped = np.asarray(observed, np.float64).ravel(), np.asarray(expected, np.float64).ravel()
     order = np.argsort(hoped, kind="stable")
@@ -107,19 +107,21 @@ def chi2_grid(
     edges: tuple[ArrayLike, ArrayLike],
     *,
     precision: float = 0.05,
+    hints: Floats | None = None,
 ) -> Chi2:
     """Compare points (N, 2) with a density (per unit area of the rectangle that ``edges`` divide into cells).
 
-    Rows with NaN are samples that gave nothing, and rows outside the rectangle count with them: they are compared with one
-    minus the integral of the density. ``density`` takes (M, 2) points. Cells are integrated adaptively until the error is
-    expected to stay below ``precision`` standard deviations of the cell's count.
+    Rows with NaN are samples that gave nothing, and rows outside the rectangle count with them: they are compared with
+    one minus the integral of the density. ``density`` takes (M, 2) points. Cells are integrated adaptively until the
+    error is expected to stay below ``precision`` standard deviations of the cell's count; ``hints`` as for
+    ``integrate_cells``.
     """
     p = np.asarray(points, np.float64)
     ex, ey = (np.asarray(e, np.float64) for e in edges)
     good = np.isfinite(p).all(axis=1)
     counts = np.histogram2d(p[good, 0], p[good, 1], bins=(ex, ey))[0]
     n = len(p)
-    masses = integrate_cells(density, ex, ey, samples=n, precision=precision)
+    masses = integrate_cells(density, ex, ey, samples=n, precision=precision, hints=hints)
     total = float(masses.sum())
     failed = n - round(float(counts.sum()))
 
@@ -148,12 +150,12 @@ def chi2_directions(
     """Compare sampled directions with their density on the sphere.
 
     ``draw`` takes uniform numbers (N, dimensions) and returns unit vectors (N, 3), with NaN in rows that gave none;
-    ``pdf`` takes directions (M, 3) and returns their density in 1/sr (M,). The grid is one of (cos theta, phi) whose lines
-    lie partly at even distances and partly at quantiles of an independent pilot sample, so that narrow lobes are resolved
-    as well; one line is the horizon cos theta = 0.
+    ``pdf`` takes directions (M, 3) and returns their density in 1/sr (M,). The grid is one of (cos theta, phi) whose
+    lines lie partly at even distances and partly at quantiles of an independent pilot sample, so that narrow lobes are
+    resolved as well; one line is the horizon cos theta = 0.
     """
     rng = np.random.default_rng(seed)
-    pilot = _to_grid(draw(rng.random((4000, dimensions))))
+    pilot = _to_grid(draw(rng.random((20_000, dimensions))))
     points = _to_grid(draw(rng.random((samples, dimensions))))
     pilot = pilot[np.isfinite(pilot).all(axis=1)]
     z_lines = _grid_lines(pilot[:, 0], -1, 1, cells[0], [0.0])
@@ -165,7 +167,7 @@ def chi2_directions(
         directions = np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
         return np.asarray(pdf(directions.astype(np.float32)), np.float64)
 
-    return chi2_grid(points, density, (z_lines, phi_lines))
+    return chi2_grid(points, density, (z_lines, phi_lines), hints=pilot)
 
 
 def _to_grid(directions: ArrayLike) -> Floats:
@@ -175,7 +177,7 @@ def _to_grid(directions: ArrayLike) -> Floats:
 
 
 def _grid_lines(pilot: Floats, lo: float, hi: float, count: int, more: list[float]) -> Floats:
-    """Half of the lines at quantiles of the pilot sample, half evenly spaced; none so close that rounding would matter."""
+    """Half of the lines at quantiles of the pilot sample, half evenly spaced; none too close for float32."""
     lines = [np.linspace(lo, hi, count // 2 + 1), np.asarray(more)]
     if len(pilot) >= 100:
         lines.append(np.quantile(pilot, np.linspace(0, 1, count - count // 2 + 2)[1:-1]))
@@ -191,7 +193,7 @@ def _grid_lines(pilot: Floats, lo: float, hi: float, count: int, more: list[floa
     return np.asarray(kept)
 
 
-# --- quadrature --------------------------------------------------------------------------------------------------------
+# --- quadrature ------------------------------------------------------------------------------------------------------
 
 
 def _gauss_square(order: int) -> tuple[Floats, Floats]:
@@ -207,12 +209,16 @@ def integrate_cells(
     *,
     samples: int,
     precision: float = 0.05,
-    max_depth: int = 9,
+    max_depth: int = 14,
+    hints: Floats | None = None,
 ) -> Floats:
     """Integrate a density over every cell of a grid: (len(x_lines) - 1, len(y_lines) - 1).
 
-    Two Gauss-Legendre rules are compared; a cell where they differ by more than ``precision`` standard deviations of the
-    mass that ``samples`` samples would measure there is cut in four, up to ``max_depth`` times.
+    Two Gauss-Legendre rules are compared; a cell where they differ by more than ``precision`` standard deviations of
+    the mass that ``samples`` samples would measure there is cut in two or four, up to ``max_depth`` times. ``hints``
+    (H, 2) are points drawn from about that density: a cell that holds many of them, but where the rules find no mass,
+    or the other way round, is cut as well. So lobes that fall between the nodes are found; hints never decide the
+    result.
     """
     ex, ey = np.asarray(x_lines, np.float64), np.asarray(y_lines, np.float64)
     shape = (len(ex) - 1, len(ey) - 1)
@@ -220,23 +226,60 @@ def integrate_cells(
     x1, y1 = (a.ravel() for a in np.meshgrid(ex[1:], ey[1:], indexing="ij"))
     boxes, owner = np.stack([x0, y0, x1, y1], -1), np.arange(x0.size)
     coarse, fine = _gauss_square(4), _gauss_square(7)
+    points = np.zeros((0, 2)) if hints is None else np.asarray(hints, np.float64)
+    home = _cell_of(points, ex, ey)
     result = np.zeros(x0.size)
     for depth in range(max_depth + 1):
         low, high = _integrate_boxes(density, boxes, coarse), _integrate_boxes(density, boxes, fine)
         # One sample's worth of mass is the floor: smaller cells are pooled.
         noise = np.sqrt(np.maximum(np.abs(high), 1.0 / samples) / samples)
-        rough = np.abs(high - low) > precision * noise * 0.5**depth
+        rough = np.abs(high - low) > precision * noise * 0.6**depth
+        if len(points):
+            found = np.bincount(home[home >= 0], minlength=len(boxes))
+            hoped = len(points) * high
+            rough |= np.abs(found - hoped) > 4 * np.sqrt(np.maximum(hoped, 0)) + 0.5
         if depth == max_depth:
             rough[:] = False
         np.add.at(result, owner[~rough], high[~rough])
         if not rough.any():
             break
-        a, b, c, d = boxes[rough].T
-        m, k = (a + c) / 2, (b + d) / 2
-        quarters = [(a, b, m, k), (m, b, c, k), (a, k, m, d), (m, k, c, d)]
-        boxes = np.concatenate([np.stack(q, -1) for q in quarters])
-        owner = np.tile(owner[rough], 4)
+        rank = np.where(rough, np.cumsum(rough) - 1, -1)
+        points = points[home >= 0]
+        home = rank[home[home >= 0]]
+        points, home = points[home >= 0], home[home >= 0]
+        parents, parent_owner = boxes[rough], owner[rough]
+        a, b, c, d = parents.T
+        m, k = _cuts(parents, points, home)
+        boxes = np.concatenate([np.stack(q, -1) for q in ((a, b, m, k), (m, b, c, k), (a, k, m, d), (m, k, c, d))])
+        home = home + len(a) * ((points[:, 0] > m[home]) + 2 * (points[:, 1] > k[home]))
+        owner = np.tile(parent_owner, 4)
+        whole = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
+        boxes, owner = boxes[whole], owner[whole]
+        home = (np.cumsum(whole) - 1)[home]
     return result.reshape(shape)
+
+
+def _cuts(boxes: Floats, points: Floats, home: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Where to cut boxes: in the middle of both axes, or only across the one along which their points lie closer."""
+    a, b, c, d = boxes.T
+    count = np.maximum(np.bincount(home, minlength=len(boxes)), 1)
+    spread = []
+    for axis, size in ((0, c - a), (1, d - b)):
+        x = points[:, axis]
+        mean = np.bincount(home, x, minlength=len(boxes)) / count
+        variance = np.bincount(home, (x - mean[home]) ** 2, minlength=len(boxes)) / count
+        spread.append(np.sqrt(variance) / size)
+    many = count >= 3
+    m = np.where(many & (spread[1] < 0.5 * spread[0]), c, (a + c) / 2)
+    k = np.where(many & (spread[0] < 0.5 * spread[1]), d, (b + d) / 2)
+    return m, k
+
+
+def _cell_of(points: Floats, ex: Floats, ey: Floats) -> NDArray[np.int64]:
+    """The row-major number of each point's cell; -1 outside the grid."""
+    i, j = np.searchsorted(ex, points[:, 0], "right") - 1, np.searchsorted(ey, points[:, 1], "right") - 1
+    good = (i >= 0) & (i < len(ex) - 1) & (j >= 0) & (j < len(ey) - 1)
+    return np.where(good, i * (len(ey) - 1) + j, -1).astype(np.int64)
 
 
 def _integrate_boxes(density: Callable[[Floats], ArrayLike], boxes: Floats, rule: tuple[Floats, Floats]) -> Floats:
@@ -261,7 +304,7 @@ def integrate_sphere(
     return float(integrate_cells(on_grid, z, phi, samples=1_000_000, precision=0.02).sum())
 
 
-# --- means -------------------------------------------------------------------------------------------------------------
+# --- means -----------------------------------------------------------------------------------------------------------
 
 
 def assert_mean(
@@ -269,8 +312,8 @@ def assert_mean(
 ) -> None:
     """Fail if the mean over axis 0 of independent values (N, ...) differs from ``expected`` by more than chance.
 
-    ``slack`` is the relative error that ``expected``, or float32 arithmetic, may have besides. The threshold is corrected
-    for the number of components and for ``comparisons`` calls.
+    ``slack`` is the relative error that ``expected``, or float32 arithmetic, may have besides. The threshold is
+    corrected for the number of components and for ``comparisons`` calls.
     """
     v = np.asarray(values, np.float64)
     mean, sigma = v.mean(axis=0), v.std(axis=0, ddof=1) / np.sqrt(len(v))
@@ -293,8 +336,8 @@ def assert_means_agree(
     """Fail if two estimates, component by component, differ by more than chance (two-sample z-test).
 
     The variances are those of the means (sample variance over the number of samples) and must come from enough samples
-    for the means to be near normal. The threshold is corrected for the number of components. ``slack``: relative difference
-    that is tolerated besides.
+    for the means to be near normal. The threshold is corrected for the number of components. ``slack``: relative
+    difference that is tolerated besides.
     """
     a, b = np.asarray(mean_a, np.float64), np.asarray(mean_b, np.float64)
     sigma = np.sqrt(np.asarray(variance_a, np.float64) + np.asarray(variance_b, np.float64))

@@ -15,8 +15,8 @@ NODES = 256  # quadrature nodes along each of the two dimensions of a microfacet
 def split_albedo(mu: float, alpha: float) -> tuple[float, float]:
     """Return (a, b): the albedo of isotropic GGX under Schlick's Fresnel term is f0 * a + f90 * b.
 
-    `mu` is the cosine of the outgoing direction, in (0, 1]; `alpha` in [0, 1]. Integrates G2/G1 over the visible normals
-    (spherical caps, Dupuy and Benyoub 2023) with Smith's height-correlated G2 by the midpoint rule.
+    `mu` is the cosine of the outgoing direction, in (0, 1]; `alpha` in [0, 1]. Integrates G2/G1 over the visible
+    normals (spherical caps, Dupuy and Benyoub 2023) with Smith's height-correlated G2 by the midpoint rule.
     """
     if alpha == 0:
         weight = (1 - mu) ** 5
