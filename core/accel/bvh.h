@@ -159,7 +159,7 @@ DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
       const uint32_t index = nodes.base + static_cast<uint32_t>(count_bits(nodes.bits & 0xffu & ((1u << slot) - 1)));
       nodes.bits &= ~(1u << bit);
       if (nodes.has_nodes()) stack[top++] = nodes;
-      const Node8& node = g.nodes[index];
+      const Node8 node = load_wide(g.nodes + index);
       const uint32_t hits = test.hits(node, hit->t);
       nodes = {node.first_child, (hits & 0xff000000u) | node.inner_mask};
       primitives = {node.first_leaf, hits & 0x00ffffffu};
@@ -171,7 +171,7 @@ DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
       const int bit = highest_bit(primitives.bits);
       primitives.bits &= ~(1u << bit);
       const uint32_t index = primitives.base + static_cast<uint32_t>(bit);
-      const LeafPrimitive& p = g.leaves[index];
+      const LeafPrimitive p = load_wide(g.leaves + index);
       if (p.kind() != PrimitiveKind::Instance) {
         if (intersect_primitive(g, p, index, local, hit)) {
           hit->instance = instance;

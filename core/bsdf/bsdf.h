@@ -22,8 +22,8 @@ namespace destello {
 enum BsdfFlag : uint32_t {
   kReflection = 1,
   kTransmission = 2,
-  kDelta = 4,       // the direction has probability one: no density, no light sampling
-  kStraight = 8,    // passed through unchanged (index-matched interface): the path did not scatter
+  kDelta = 4,     // the direction has probability one: no density, no light sampling
+  kStraight = 8,  // passed through unchanged (index-matched interface): the path did not scatter
 };
 
 struct BsdfSample {
@@ -36,9 +36,9 @@ struct BsdfSample {
 
 // What a material may want to know beyond its own parameters, before eval and sample.
 struct BsdfContext {
-  bool front = true;           // the path is on the side of the outward normal
-  float outside_ior = 1;       // index of refraction of what surrounds the object at this point
-  float wavelength = 0;        // nm; 0: the path has no single wavelength (yet)
+  bool front = true;      // the path is on the side of the outward normal
+  float outside_ior = 1;  // index of refraction of what surrounds the object at this point
+  float wavelength = 0;   // nm; 0: the path has no single wavelength (yet)
 };
 
 // A material: parameters (see base/param.h) and three functions. `prepare(const BsdfContext&)`, if present, is called

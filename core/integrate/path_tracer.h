@@ -197,8 +197,11 @@ DST_FN T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureCon
 // The first colour among T's parameters: what a denoiser takes for its albedo.
 template <class T>
 constexpr int first_color() {
-  for (size_t i = 0; i < T::params.size(); ++i)
-    if (T::params[i].kind == ParamKind::Color) return static_cast<int>(i);
+  int i = 0;
+  for (const auto& p : T::params) {
+    if (p.kind == ParamKind::Color) return i;
+    ++i;
+  }
   return -1;
 }
 

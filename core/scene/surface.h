@@ -66,7 +66,7 @@ DST_FN void place_surface(const Instance& instance, float time, Surface* s) {
 }
 
 DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
-  const LeafPrimitive& prim = scene.geometry.leaves[hit.leaf];
+  const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
   const ObjectRecord& object = scene.objects[prim.object];
   const bool instanced = hit.instance != Hit::kNone;
   const Instance* instance = instanced ? scene.geometry.instances + hit.instance : nullptr;

@@ -1,0 +1,323 @@
+// The CUDA backend: one persistent kernel in which every thread follows paths from camera to end, one after another
+// (path regeneration). The stages are those of integrate/path_tracer.h.
+//
+// Work is handed out by a counter in items of kItemSamples samples of one pixel. A thread adds its samples up in shared
+// memory and the item's sums to the film by atomic additions: sums are exact (film/film.h), so their order is free, and the
+// picture's bits depend on nothing but the samples.
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "backend/backend.h"
+#include "backend/device_buffer.h"
+#include "integrate/path_tracer.h"
+
+namespace destello {
+
+namespace {
+
+constexpr int kThreads = 128;         // per block
+constexpr uint32_t kItemSamples = 16;
+constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
+
+struct DeviceTracer {
+  static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_groups<false>(g, ray, hit); }
+  static __device__ bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_groups<true>(g, ray, hit); }
+};
+
+struct KernelCounts {
+  unsigned long long next_item, rays, samples, nonfinite;
+};
+
+struct KernelParams {
+  SceneView scene;
+  RenderTask task;
+  FilmView film;
+  KernelCounts* counts;
+  uint32_t tile_columns, tile_rows;
+  uint64_t items;
+};
+
+// One item: a pixel and a range of its samples.
+struct Item {
+  uint32_t x = 0, y = 0, sample = 0, end = 0;
+};
+
+// The next item for this lane; false when there are no more. Lanes that ask together get neighbouring pixels.
+__device__ bool next_item(const KernelParams& p, Item* item) {
+  for (;;) {
+    const unsigned mask = __activemask();
+    const int lane = static_cast<int>(threadIdx.x & 31u);
+    const int leader = __ffs(static_cast<int>(mask)) - 1;
+    unsigned long long base = 0;
+    if (lane == leader) base = atomicAdd(&p.counts->next_item, static_cast<unsigned long long>(__popc(mask)));
+    base = __shfl_sync(mask, base, leader);
+    const uint64_t i = base + static_cast<uint64_t>(__popc(mask & ((1u << lane) - 1u)));
+    if (i >= p.items) return false;
+    const uint32_t pixels = p.tile_columns * p.tile_rows * (kTileWidth * kTileHeight);
+    const uint32_t pixel = static_cast<uint32_t>(i % pixels), block = static_cast<uint32_t>(i / pixels);
+    const uint32_t tile = pixel / (kTileWidth * kTileHeight), in_tile = pixel % (kTileWidth * kTileHeight);
+    const Rect& c = p.task.crop;
+    item->x = c.x0 + tile % p.tile_columns * kTileWidth + in_tile % kTileWidth;
+    item->y = c.y0 + tile / p.tile_columns * kTileHeight + in_tile / kTileWidth;
+    if (item->x >= c.x1 || item->y >= c.y1) continue;
+    item->sample = p.task.first_sample + block * kItemSamples;
+    item->end = item->sample + kItemSamples < p.task.last_sample ? item->sample + kItemSamples : p.task.last_sample;
+    return true;
+  }
+}
+
+// A thread's own sums, one column of shared memory each.
+struct ThreadSums {
+  double (*columns)[kThreads];
+  __device__ void clear(uint32_t channels) const {
+    for (uint32_t k = 0; k < channels; ++k) columns[k][threadIdx.x] = 0;
+  }
+  __device__ void operator()(uint32_t channel, float v) const { columns[channel][threadIdx.x] += static_cast<double>(v); }
+  __device__ void flush(double* pixel, uint32_t channels) const {
+    for (uint32_t k = 0; k < channels; ++k) atomicAdd(pixel + k, columns[k][threadIdx.x]);
+  }
+};
+
+template <bool kAovs>
+__global__ void __launch_bounds__(kThreads) render_kernel(const __grid_constant__ KernelParams p) {
+  __shared__ double film_columns[kFilmChannels][kThreads];
+  __shared__ double aov_columns[kAovs ? kAovChannels : 1][kThreads];
+  const ThreadSums film{film_columns}, features{aov_columns};
+  unsigned long long rays = 0, samples = 0, nonfinite = 0;
+  Item item;
+  Path path;
+  SampleAovs aovs;
+  bool running = next_item(p, &item);
+  if (running) {
+    film.clear(kFilmChannels);
+    if (kAovs) features.clear(kAovChannels);
+    path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample);
+  }
+  while (running) {
+    const Hit hit = trace<DeviceTracer>(p.scene, path);
+    ++rays;
+    ShadowRay shadow;
+    shade(p.scene, p.task.settings, hit, &path, &shadow, kAovs ? &aovs : nullptr);
+    if (shadow.wanted) {
+      connect<DeviceTracer>(p.scene, shadow, &path);
+      ++rays;
+    }
+    if (path.alive) continue;
+    bool finite;
+    const Vec3 radiance = sample_radiance(p.task.settings, path, &finite);
+    ++samples;
+    if (!finite) ++nonfinite;
+    add_sample(radiance, path.filter_sign, film);
+    if (kAovs) {
+      add_aovs(aovs.albedo, aovs.normal, aovs.depth, features);
+      aovs = {};
+    }
+    if (++item.sample == item.end) {
+      const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
+      film.flush(p.film.sums + pixel * kFilmChannels, kFilmChannels);
+      film.clear(kFilmChannels);
+      if (kAovs) {
+        features.flush(p.film.aovs + pixel * kAovChannels, kAovChannels);
+        features.clear(kAovChannels);
+      }
+      running = next_item(p, &item);
+    }
+    if (running) path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample);
+  }
+  atomicAdd(&p.counts->rays, rays);
+  atomicAdd(&p.counts->samples, samples);
+  if (nonfinite != 0) atomicAdd(&p.counts->nonfinite, nonfinite);
+}
+
+template <class T>
+Span<T> device_span(const DeviceBuffer<T>& b) {
+  return {b.data(), static_cast<uint32_t>(b.size())};
+}
+
+// The scene's arrays on the device, and a view of them.
+class DeviceScene {
+ public:
+  explicit DeviceScene(const Scene& scene) : view_(scene.view()) {
+    const SceneArrays& a = scene.arrays();
+    view_.geometry.nodes = keep(&nodes_, a.nodes);
+    view_.geometry.leaves = keep(&leaves_, a.leaves);
+    view_.geometry.instances = keep(&instances_, a.instances);
+    view_.geometry.moving = keep(&moving_, a.moving);
+    view_.triangles = keep(&triangles_, a.triangles);
+    view_.normals = keep(&normals_, a.normals);
+    view_.uvs = keep(&uvs_, a.uvs);
+    view_.colors = keep(&colors_, a.colors);
+    view_.objects.data = keep(&objects_, a.objects);
+    view_.materials.data = keep(&materials_, a.materials);
+    view_.interiors.data = keep(&interiors_, a.interiors);
+    view_.textures.textures.data = keep(&textures_, a.textures);
+    view_.textures.slots.data = keep(&slots_, a.slots);
+    view_.textures.images.data = keep(&images_, a.images);
+    view_.textures.texels = keep(&texels_, a.texels);
+    view_.textures.srgb_table = keep(&srgb_table_, a.srgb_table);
+    view_.punctual.data = keep(&punctual_, a.punctual);
+    view_.suns.data = keep(&suns_, a.suns);
+    view_.area_lights.data = keep(&area_lights_, a.area_lights);
+    view_.all_lights.pick.data = keep(&all_lights_, a.all_lights);
+    view_.auto_lights.pick.data = keep(&auto_lights_, a.auto_lights);
+    view_.light_data.image.texels.data = keep(&environment_texels_, a.environment.texels);
+    view_.light_data.image.marginal.data = keep(&environment_marginal_, a.environment.marginal);
+    view_.light_data.image.conditional.data = keep(&environment_conditional_, a.environment.conditional);
+  }
+  const SceneView& view() const { return view_; }
+
+ private:
+  template <class T>
+  static const T* keep(DeviceBuffer<T>* buffer, const std::vector<T>& values) {
+    *buffer = DeviceBuffer<T>(values);
+    return buffer->data();
+  }
+
+  SceneView view_;
+  DeviceBuffer<Node8> nodes_;
+  DeviceBuffer<LeafPrimitive> leaves_;
+  DeviceBuffer<Instance> instances_;
+  DeviceBuffer<TriangleVertices> moving_;
+  DeviceBuffer<ObjectRecord> objects_;
+  DeviceBuffer<uint32_t> triangles_, suns_;
+  DeviceBuffer<Vec3> normals_, environment_texels_;
+  DeviceBuffer<Vec2> uvs_;
+  DeviceBuffer<Vec4> colors_;
+  DeviceBuffer<MaterialRecord> materials_;
+  DeviceBuffer<Interior> interiors_;
+  DeviceBuffer<TextureRecord> textures_;
+  DeviceBuffer<Slot> slots_;
+  DeviceBuffer<Image> images_;
+  DeviceBuffer<unsigned char> texels_;
+  DeviceBuffer<float> srgb_table_, environment_marginal_, environment_conditional_;
+  DeviceBuffer<AnyLight> punctual_;
+  DeviceBuffer<AreaLight> area_lights_;
+  DeviceBuffer<AliasEntry> all_lights_, auto_lights_;
+};
+
+class CudaBackend final : public Backend {
+ public:
+  CudaBackend(const Scene& scene, int device) : device_(device) {
+    check_cuda(cudaSetDevice(device), "choose the device");
+    scene_ = std::make_unique<DeviceScene>(scene);
+    counts_ = DeviceBuffer<KernelCounts>(1);
+    check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device), "ask for multiprocessors");
+  }
+
+  RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
+    check_cuda(cudaSetDevice(device_), "choose the device");
+    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    const bool aovs = film.aovs != nullptr;
+    reserve(pixels, aovs);
+    check_cuda(cudaMemset(sums_.data(), 0, pixels * kFilmChannels * sizeof(double)), "clear the film");
+    if (aovs) check_cuda(cudaMemset(aovs_.data(), 0, pixels * kAovChannels * sizeof(double)), "clear the film");
+    KernelParams p{scene_->view(), task, {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, film.height}, counts_.data(), 0, 0, 0};
+    const Rect& c = task.crop;
+    p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
+    p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
+    const RenderCounts total = launch_all(&p, cancel);
+    download(sums_, film.sums, pixels * kFilmChannels);
+    if (aovs) download(aovs_, film.aovs, pixels * kAovChannels);
+    return total;
+  }
+
+ private:
+  // Launches of at most about kSliceSeconds each: between them a cancellation is noticed.
+  static constexpr double kSliceSeconds = 0.05;
+
+  RenderCounts launch_all(KernelParams* p, const std::atomic<bool>& cancel) const {
+    RenderCounts total;
+    const uint32_t last = p->task.last_sample;
+    uint32_t slice = kItemSamples;
+    while (p->task.first_sample < last && !cancel.load()) {
+      p->task.last_sample = last - p->task.first_sample > slice ? p->task.first_sample + slice : last;
+      const auto start = std::chrono::steady_clock::now();
+      const KernelCounts n = launch(p);
+      const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      total.rays += n.rays;
+      total.samples += n.samples;
+      total.nonfinite += n.nonfinite;
+      p->task.first_sample = p->task.last_sample;
+      const double grow = std::min(kSliceSeconds / std::max(seconds, 1e-6), 64.0);
+      slice = static_cast<uint32_t>(std::clamp(slice * grow / kItemSamples, 1.0, 65536.0)) * kItemSamples;
+    }
+    return total;
+  }
+
+  KernelCounts launch(KernelParams* p) const {
+    const uint32_t blocks_of_samples = (p->task.last_sample - p->task.first_sample + kItemSamples - 1) / kItemSamples;
+    p->items = static_cast<uint64_t>(p->tile_columns) * p->tile_rows * (kTileWidth * kTileHeight) * blocks_of_samples;
+    check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
+    const auto kernel = p->film.aovs != nullptr ? render_kernel<true> : render_kernel<false>;
+    int resident = 0;
+    check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kThreads, 0), "ask for the occupancy");
+    const uint64_t wanted = (p->items + kThreads - 1) / kThreads;
+    const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors_);
+    kernel<<<static_cast<unsigned>(std::min(wanted, fitting)), kThreads>>>(*p);
+    check_cuda(cudaGetLastError(), "launch the render kernel");
+    KernelCounts n;
+    check_cuda(cudaMemcpy(&n, counts_.data(), sizeof(n), cudaMemcpyDeviceToHost), "render");
+    return n;
+  }
+
+  void reserve(size_t pixels, bool aovs) {
+    if (sums_.size() < pixels * kFilmChannels) {
+      sums_ = {};
+      sums_ = DeviceBuffer<double>(pixels * kFilmChannels);
+    }
+    if (aovs && aovs_.size() < pixels * kAovChannels) {
+      aovs_ = {};
+      aovs_ = DeviceBuffer<double>(pixels * kAovChannels);
+    }
+  }
+
+  void download(const DeviceBuffer<double>& from, double* to, size_t count) {
+    staging_.resize(count);
+    check_cuda(cudaMemcpy(staging_.data(), from.data(), count * sizeof(double), cudaMemcpyDeviceToHost), "copy the film");
+    for (size_t i = 0; i < count; ++i) to[i] += staging_[i];
+  }
+
+  int device_;
+  int multiprocessors_ = 1;
+  std::unique_ptr<DeviceScene> scene_;
+  DeviceBuffer<KernelCounts> counts_;
+  DeviceBuffer<double> sums_, aovs_;
+  std::vector<double> staging_;
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device) { return std::make_unique<CudaBackend>(scene, device); }
+
+std::string cuda_problem() {
+  // The runtime's own message for a missing driver speaks of an insufficient version.
+  void* driver = dlopen("libcuda.so.1", RTLD_NOW);
+  if (driver == nullptr) return "no NVIDIA driver (libcuda.so.1) on this machine";
+  dlclose(driver);
+  int count = 0;
+  const cudaError_t error = cudaGetDeviceCount(&count);
+  if (error != cudaSuccess) {
+    cudaGetLastError();
+    return std::string("the NVIDIA driver cannot be used: ") + cudaGetErrorString(error);
+  }
+  return count == 0 ? "no NVIDIA GPU" : "";
+}
+
+std::vector<DeviceInfo> cuda_devices() {
+  std::vector<DeviceInfo> out;
+  if (!cuda_problem().empty()) return out;
+  int count = 0;
+  check_cuda(cudaGetDeviceCount(&count), "count the devices");
+  for (int i = 0; i < count; ++i) {
+    cudaDeviceProp p;
+    check_cuda(cudaGetDeviceProperties(&p, i), "ask for the device's properties");
+    out.push_back({"cuda:" + std::to_string(i), p.name, p.totalGlobalMem,
+                   "compute capability " + std::to_string(p.major) + "." + std::to_string(p.minor) + ", " +
+                       std::to_string(p.multiProcessorCount) + " multiprocessors"});
+  }
+  return out;
+}
+
+}  // namespace destello

@@ -1,0 +1,62 @@
+// Device memory with an owner, and checked CUDA calls.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace destello {
+
+// Every CUDA call goes through here.
+inline void check_cuda(cudaError_t error, const char* what) {
+  if (error == cudaSuccess) return;
+  cudaGetLastError();  // clears it, so that it is not reported again later
+  throw std::runtime_error(std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
+}
+
+// An array in device memory. Moves, does not copy.
+template <class T>
+class DeviceBuffer {
+ public:
+  DeviceBuffer() = default;
+  explicit DeviceBuffer(size_t count) { allocate(count); }
+  explicit DeviceBuffer(const std::vector<T>& values) {
+    allocate(values.size());
+    if (!values.empty())
+      check_cuda(cudaMemcpy(data_, values.data(), values.size() * sizeof(T), cudaMemcpyHostToDevice), "copy to the device");
+  }
+  DeviceBuffer(DeviceBuffer&& other) noexcept : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  DeviceBuffer& operator=(DeviceBuffer&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    return *this;
+  }
+  ~DeviceBuffer() { cudaFree(data_); }
+
+  T* data() const { return data_; }
+  size_t size() const { return size_; }
+
+ private:
+  void allocate(size_t count) {
+    size_ = count;
+    if (count == 0) return;
+    const cudaError_t error = cudaMalloc(reinterpret_cast<void**>(&data_), count * sizeof(T));
+    if (error == cudaErrorMemoryAllocation) {
+      cudaGetLastError();
+      size_t free = 0, total = 0;
+      check_cuda(cudaMemGetInfo(&free, &total), "ask for free memory");
+      throw std::runtime_error("CUDA: out of memory: " + std::to_string(count * sizeof(T) >> 20) + " MiB wanted, " +
+                               std::to_string(free >> 20) + " of " + std::to_string(total >> 20) +
+                               " MiB free; a smaller image (--size), smaller textures or --device cpu would fit");
+    }
+    check_cuda(error, "allocate memory");
+  }
+
+  T* data_ = nullptr;
+  size_t size_ = 0;
+};
+
+}  // namespace destello
