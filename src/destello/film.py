@@ -135,7 +135,7 @@ class Film:
         if not path.is_file():
             raise MissingFileError([path], expected="a film (.film) that destello wrote")
         try:
-            with np.load(path, allow_pickle=False) as arrays:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 meta = json.loads(str(arrays[_META]))
                 if meta["format"] != _FORMAT:
                     raise FormatError("film of another version", file=path, value=meta["format"], expected=str(_FORMAT))
@@ -162,7 +162,7 @@ def check_identity(found: Mapping[str, Any], wanted: Mapping[str, Any], path: Pa
     """Raises InputError that names the first thing in which two films' identities differ."""
     wanted = json.loads(json.dumps(wanted))
     found = json.loads(json.dumps(found))
-    for name in sorted(wanted.keys() | found.keys()):
+    for name in [*wanted, *(key for key in found if key not in wanted)]:
         if wanted.get(name) != found.get(name):
             raise InputError(
                 f"the film belongs to another render: its {name} differs",

@@ -91,7 +91,7 @@ class Job:
             "version": version,
             "scene": scene_hash,
             "size": [self.width, self.height],
-            "crop": list(self.crop),
+            "crop": list(self.crop) if self.cropped else None,
             "camera": self.camera,
             "aovs": self.features,
             **self.settings,

@@ -151,8 +151,8 @@ class _Outputs:
     preview: Target | None
     resume: Path | None
     rescue: Path | None
-    _preview_due: float = PREVIEW_SECONDS
-    _film_due: float = CHECKPOINT_SECONDS
+    _preview_due: float = field(default_factory=lambda: PREVIEW_SECONDS)
+    _film_due: float = field(default_factory=lambda: CHECKPOINT_SECONDS)
 
     def check(self) -> None:
         """Raises OutputError now for what could not be written later."""
