@@ -160,7 +160,7 @@ class SceneCompiler:
         params = self._context.materials.params(node, "environment", skip=("image", "transform"))
         image = None
         if node.params.get("image") is not None:
-            image = self._context.materials.image(node["image"], True, "environment.image")
+            image = self._context.materials.environment_texels(node["image"], "environment.image")
         with core_errors("environment"):
             self._builder.set_environment(node.type, params, transform=rows(node["transform"]), image=image)
 

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
 from destello.errors import RenderError, SceneError
+from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
+    import numpy as np
     from numpy.typing import NDArray
 
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -130,8 +132,6 @@ class MaterialCompiler:
 
     def image(self, texture: Node, color: bool, place: str) -> int | None:
         """The core's number of an image. A missing one gives the stand-in, or None where no colour shows."""
-        from destello.images import missing_image
-
         options = {
             name: texture[name] for name in ("wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter")
         }
@@ -150,6 +150,17 @@ class MaterialCompiler:
         space = texture["color_space"]
         srgb = texels.dtype.kind != "f" and color if space == "auto" else space == "srgb"
         return self._images.add(texels, source, srgb, options, place)
+
+    def environment_texels(self, texture: Node, place: str) -> NDArray[np.float32]:
+        """An environment's image as linear radiance, (height, width, 3) float32; a missing one gives the stand-in."""
+        if texture["pixels"] is not None:
+            texels = texture["pixels"]
+        else:
+            found = self._assets.texels(texture["path"], f"{place}.path")
+            if found is None:
+                self._note_missing(texture["path"], True)
+            texels = missing_image() if found is None else found[1]
+        return linear_rgb(texels, texture["color_space"])
 
     def _note_missing(self, path: str, color: bool) -> None:
         stand_in = "a magenta checker" if color else "the parameter's default"

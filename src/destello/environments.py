@@ -5,14 +5,10 @@ One function for each type that the core declares: ``dir()`` lists them, ``help(
 
 from __future__ import annotations
 
-from destello.factories import Factories, Factory
+from destello.factories import Factories
 
 _factories = Factories("environment", __name__)
 
 
-def __getattr__(name: str) -> Factory:
-    return _factories.get(name)
-
-
-def __dir__() -> list[str]:
-    return _factories.names()
+__getattr__ = _factories.get
+__dir__ = _factories.names

@@ -96,6 +96,21 @@ def _check_size(path: Path, spec: Any, kind: str, channels: int) -> None:
         )
 
 
+def linear_rgb(texels: NDArray[Any], color_space: str) -> NDArray[np.float32]:
+    """Texels as linear red, green, blue: (height, width, 3) float32, at least 0. See `textures.image`."""
+    from destello.color import srgb_decode
+
+    values = texels.astype(np.float32)
+    if texels.dtype.kind == "u":
+        values /= np.float32(np.iinfo(texels.dtype).max)
+    if values.shape[2] < 3:
+        values = np.repeat(values[:, :, :1], 3, axis=2)
+    values = values[:, :, :3]
+    if color_space == "srgb" or (color_space == "auto" and texels.dtype.kind == "u"):
+        values = srgb_decode(values).astype(np.float32)
+    return np.ascontiguousarray(np.maximum(values, np.float32(0)))
+
+
 def missing_image() -> NDArray[np.uint8]:
     """The visible stand-in for a missing image: a checker of magenta and black, (8, 8, 3) uint8."""
     rows, columns = np.indices((8, 8))

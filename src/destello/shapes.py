@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from destello.factories import Factories, Factory
+from destello.factories import Factories
 
 _factories = Factories("shape", __name__)
 
-
-def __getattr__(name: str) -> Factory:
-    return _factories.get(name)
-
-
-def __dir__() -> list[str]:
-    return _factories.names()
+__getattr__ = _factories.get
+__dir__ = _factories.names

@@ -5,7 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
-from destello.factories import Factories, Factory
+from destello.factories import Factories
 from destello.nodes import Node
 
 _factories = Factories("texture", __name__)
@@ -29,9 +29,5 @@ def image(source: Any = None, *, name: str | None = None, **params: Any) -> Node
     return Node("texture", "image", params, name=name)
 
 
-def __getattr__(name: str) -> Factory:
-    return _factories.get(name)
-
-
-def __dir__() -> list[str]:
-    return _factories.names()
+__getattr__ = _factories.get
+__dir__ = _factories.names
