@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stats import chi2_counts, z_threshold
 
 from destello import _core
+from stats import chi2_counts, z_threshold
 
 testing = _core.testing
 

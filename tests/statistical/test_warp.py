@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stats import chi2_directions, chi2_grid
 
 from destello import _core
+from stats import chi2_directions, chi2_grid
 
 testing = _core.testing
 Array = NDArray[np.float64]
@@ -62,9 +62,7 @@ SPHERE: dict[str, tuple[float, Callable[[NDArray[np.float32]], Array]]] = {
 @pytest.mark.parametrize("name", SPHERE)
 def test_sphere_warps_follow_their_density(name: str) -> None:
     _, density = SPHERE[name]
-    result = chi2_directions(
-        lambda u: testing.warp(name, on_grid(u)), density, seed=1, samples=SAMPLES, dimensions=2
-    )
+    result = chi2_directions(lambda u: testing.warp(name, on_grid(u)), density, seed=1, samples=SAMPLES, dimensions=2)
     assert result.mass == pytest.approx(1, abs=1e-4)
     result.check(comparisons=len(SPHERE))
 
@@ -91,7 +89,9 @@ def test_ball_is_uniform(rng: np.random.Generator) -> None:
     unit, z, phi = np.linspace(0, 1, 17), np.linspace(-1, 1, 17), np.linspace(-np.pi, np.pi, 17)
     for x, y, edges in ((volume, height, (unit, z)), (volume, angle, (unit, phi)), (height, angle, (z, phi))):
         area = (edges[0][-1] - edges[0][0]) * (edges[1][-1] - edges[1][0])
-        chi2_grid(np.stack([np.clip(x, edges[0][0], edges[0][-1]), y], -1), constant(1 / area), edges).check(comparisons=3)
+        chi2_grid(np.stack([np.clip(x, edges[0][0], edges[0][-1]), y], -1), constant(1 / area), edges).check(
+            comparisons=3
+        )
 
 
 @pytest.mark.parametrize("name", ["disk", "normal", "triangle", "cosine_hemisphere", "sphere", "cone", "ball"])
