@@ -7,8 +7,8 @@
 // - `eval` is f(wo, wi) |cos wi| in 1/sr, coloured, for radiance carried from wi to wo; transmission includes the
 //   1/eta^2 of compressed radiance (Veach 1997, section 5.2). Directions that a delta lobe takes evaluate to 0.
 // - `pdf` is the solid-angle density (1/sr) with which `sample` returns wi, delta lobes excluded.
-// - `sample` draws wi from (uc, u) uniform in [0,1)^3. `weight` is f |cos| / pdf, for delta lobes their reflectance over
-//   the probability of the lobe. A failed sample has pdf 0.
+// - `sample` draws wi from (uc, u) uniform in [0,1)^3. `weight` is f |cos| / pdf, for delta lobes their reflectance
+//   over the probability of the lobe. A failed sample has pdf 0.
 // - wi.z > 0 is reflection, wi.z < 0 transmission.
 #pragma once
 
@@ -42,7 +42,10 @@ struct BsdfContext {
 };
 
 // A material: parameters (see base/param.h) and three functions. `prepare(const BsdfContext&)`, if present, is called
-// once after the parameters are set. `static constexpr bool delta_only`: true if every lobe is a delta.
+// once after the parameters are set. Also, if present:
+// - `static constexpr bool delta_only`: true if every lobe is a delta whatever the parameters;
+// - `is_delta()`: true if that is so with these parameters;
+// - `needs_wavelength()`: true if the path should settle for one wavelength before prepare, as directions depend on it.
 template <class B>
 concept Bsdf = requires(const B b, Vec3 w, float uc, Vec2 u) {
   { b.eval(w, w) } -> std::same_as<Vec3>;
