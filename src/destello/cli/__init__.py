@@ -75,6 +75,8 @@ def describe(error: BaseException) -> tuple[str, int]:
         return f"{message} (destello --help shows what there is)" if message else "", 2
     if type(error).__name__ == "Abort":
         return "aborted", 1
+    if isinstance(error, OSError):
+        return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part), 1
     if isinstance(error, MemoryError):
         return f"out of memory {error}", 1
     hint = "DESTELLO_DEBUG=1 shows where"
