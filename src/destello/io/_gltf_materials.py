@@ -1,0 +1,231 @@
+"""glTF's materials as destello's.
+
+The core material is `metallic_roughness`, with KHR_materials_ior, _specular, _transmission, _emissive_strength. Glass
+with a volume (KHR_materials_volume, _dispersion) becomes `dielectric` with absorption inside; KHR_materials_unlit
+becomes `emissive` in the base colour. Luminances are taken for radiances: 1 cd/m^2 is 1 W/(sr m^2).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import destello.materials as make
+import destello.textures as textures
+from destello.errors import Error
+from destello.io._gltf_json import Document, Item
+from destello.io._gltf_textures import Textures, uv_set
+from destello.nodes import Node
+
+EXTENSIONS = frozenset(
+    {
+        "KHR_materials_ior",
+        "KHR_materials_specular",
+        "KHR_materials_transmission",
+        "KHR_materials_volume",
+        "KHR_materials_dispersion",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_unlit",
+        "KHR_texture_transform",
+        "EXT_texture_webp",
+    }
+)
+_TEXTURED = (  # extension, member: where textures may stand; the first present one chooses the uv set
+    ("pbrMetallicRoughness", "baseColorTexture"),
+    ("pbrMetallicRoughness", "metallicRoughnessTexture"),
+    ("", "emissiveTexture"),
+    ("", "normalTexture"),
+    ("KHR_materials_transmission", "transmissionTexture"),
+    ("KHR_materials_specular", "specularTexture"),
+    ("KHR_materials_specular", "specularColorTexture"),
+)
+_LEAST_ATTENUATION = 1e-6
+
+Value = Any  # a number, three numbers or a texture node
+
+
+class Materials:
+    """Makes each material of a document once for meshes with vertex colours and once for those without."""
+
+    def __init__(self, document: Document, images: Textures, notes: list[str]) -> None:
+        self.document = document
+        self._images = images
+        self._notes = notes
+        self._made: dict[tuple[int, bool], Node] = {}
+
+    def node(self, item: Item | None, *, colored: bool) -> Node:
+        """The material (None: glTF's default); `colored`: vertex colours multiply its base colour."""
+        key = (-1 if item is None else item.index, colored)
+        if key not in self._made:
+            source = item if item is not None else Item({}, self.document.file)
+            try:
+                self._made[key] = self._convert(source, colored)
+            except Error as error:
+                raise error if error.file else error.within(source.place, file=source.file) from None
+        return self._made[key]
+
+    def uv_set(self, item: Item | None) -> int | None:
+        """Which TEXCOORD_n the material's textures read, None if there are none. Only one can: base colour's first."""
+        if item is None:
+            return None
+        sets = [uv_set(info) for info in _texture_infos(item)]
+        if len(set(sets)) > 1:
+            self._note(f"{item.place}: its textures use several UV sets; all are read with TEXCOORD_{sets[0]}")
+        return sets[0] if sets else None
+
+    def _note(self, text: str) -> None:
+        if text not in self._notes:
+            self._notes.append(text)
+
+    # --- materials ----------------------------------------------------------------------------------------------------
+
+    def _convert(self, item: Item, colored: bool) -> Node:
+        name = item.text("name", "") or None
+        pbr = item.item("pbrMetallicRoughness") or Item({}, item.file, item.at("pbrMetallicRoughness"))
+        red, green, blue, alpha = pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)
+        base_texture = self._texture(pbr, "baseColorTexture", "srgb")
+        base = _slot((red, green, blue), base_texture, colored=colored)
+        surface = self._opacity(item, alpha, base_texture, colored)
+        if item.extension("KHR_materials_unlit") is not None:
+            return make.emissive(radiance=base, two_sided=True, name=name, **surface)
+        surface.update(self._emission(item), **self._normal_map(item))
+        rough = self._texture(pbr, "metallicRoughnessTexture", "linear")
+        params: dict[str, Value] = {
+            "base_color": base,
+            "metallic": _slot(pbr.number("metallicFactor", 1.0, low=0, high=1), rough, channel="b"),
+            "roughness": _slot(pbr.number("roughnessFactor", 1.0, low=0, high=1), rough, channel="g"),
+            "ior": _ior(item),
+            **self._specular(item),
+        }
+        transmission = self._transmission(item)
+        volume = item.extension("KHR_materials_volume")
+        if transmission != 0.0 and volume is not None and volume.number("thicknessFactor", 0.0, low=0) > 0:
+            return _glass(item, volume, params, transmission, surface, name)
+        if transmission != 0.0:
+            params["transmission"] = transmission
+        return make.metallic_roughness(name=name, **_without_defaults(params), **surface)
+
+    def _opacity(self, item: Item, alpha: float, texture: Node | None, colored: bool) -> dict[str, Value]:
+        mode = item.choice("alphaMode", ("OPAQUE", "MASK", "BLEND"), "OPAQUE")
+        cutoff = item.number("alphaCutoff", 0.5, low=0) if mode == "MASK" else 0.0
+        if mode == "OPAQUE" or (mode == "MASK" and cutoff == 0):
+            return {}
+        opacity = _slot(alpha, texture, channel="a", colored=colored)
+        if isinstance(opacity, float):
+            opacity = min(opacity, 1.0)
+            if mode == "MASK":
+                opacity = 1.0 if opacity >= cutoff else 0.0
+            return {} if opacity == 1.0 else {"opacity": opacity}
+        if cutoff > 1:
+            return {"opacity": 0.0}
+        return {"opacity": opacity, "opacity_cutoff": cutoff} if cutoff else {"opacity": opacity}
+
+    def _emission(self, item: Item) -> dict[str, Value]:
+        factor = item.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0), low=0)
+        extension = item.extension("KHR_materials_emissive_strength")
+        strength = 1.0 if extension is None else extension.number("emissiveStrength", 1.0, low=0)
+        factor = tuple(f * strength for f in factor)
+        if not any(factor):
+            return {}
+        params: dict[str, Value] = {"emission": _slot(factor, self._texture(item, "emissiveTexture", "srgb"))}
+        if item.flag("doubleSided"):
+            params["emission_two_sided"] = True
+        return params
+
+    def _normal_map(self, item: Item) -> dict[str, Value]:
+        texture = self._texture(item, "normalTexture", "linear")
+        if texture is None:
+            return {}
+        info = item.item("normalTexture")
+        scale = 1.0 if info is None else info.number("scale", 1.0)
+        return {"normal_map": texture} if scale == 1.0 else {"normal_map": texture, "normal_scale": scale}
+
+    def _specular(self, item: Item) -> dict[str, Value]:
+        extension = item.extension("KHR_materials_specular")
+        if extension is None:
+            return {}
+        strength = extension.number("specularFactor", 1.0, low=0, high=1)
+        color = extension.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0), low=0)
+        return {
+            "specular": _slot(strength, self._texture(extension, "specularTexture", "linear"), channel="a"),
+            "specular_color": _slot(color, self._texture(extension, "specularColorTexture", "srgb")),
+        }
+
+    def _transmission(self, item: Item) -> Value:
+        extension = item.extension("KHR_materials_transmission")
+        if extension is None:
+            return 0.0
+        factor = extension.number("transmissionFactor", 0.0, low=0, high=1)
+        if factor == 0.0:
+            return 0.0
+        return _slot(factor, self._texture(extension, "transmissionTexture", "linear"), channel="r")
+
+    def _texture(self, item: Item, key: str, color_space: str) -> Node | None:
+        info = item.item(key)
+        return None if info is None else self._images.image(info, color_space)
+
+
+def _texture_infos(item: Item) -> list[Item]:
+    found = []
+    for holder, key in _TEXTURED:
+        owner = item if not holder else item.extension(holder) if holder.startswith("KHR") else item.item(holder)
+        info = None if owner is None else owner.item(key)
+        if info is not None:
+            found.append(info)
+    return found
+
+
+def _slot(factor: Value, texture: Node | None, *, channel: str = "r", colored: bool = False) -> Value:
+    """What stands in a parameter's place: `factor` times a texture's channel times the vertex colours."""
+    if factor in (0.0, (0.0, 0.0, 0.0)):
+        return factor
+    settings: dict[str, Value] = {}
+    if factor not in (1.0, (1.0, 1.0, 1.0)):
+        settings["scale"] = factor
+    if channel != "r":
+        settings["channel"] = channel
+    if texture is None:
+        return textures.vertex_color(**settings) if colored else factor
+    if colored:
+        settings["vertex_color"] = True
+    return textures.scaled(texture, **settings) if settings else texture
+
+
+def _without_defaults(params: dict[str, Value]) -> dict[str, Value]:
+    return {key: value for key, value in params.items() if not (key == "ior" and value == 1.5)}
+
+
+def _ior(item: Item) -> float:
+    extension = item.extension("KHR_materials_ior")
+    ior = 1.5 if extension is None else extension.number("ior", 1.5, low=0)
+    if ior == 0.0:  # glTF's word for "reflects everything"
+        return 1000.0
+    if ior < 1.0 and extension is not None:
+        raise extension.error("out of range", "ior", value=ior, expected="0 or a number of at least 1")
+    return min(ior, 1000.0)
+
+
+def _glass(
+    item: Item, volume: Item, params: dict[str, Value], transmission: Value, surface: dict[str, Value], name: str | None
+) -> Node:
+    """A solid body: refraction and absorption by the way through it. A share that does not transmit is mixed in."""
+    color = volume.numbers("attenuationColor", 3, (1.0, 1.0, 1.0), low=0)
+    glass: dict[str, Value] = {
+        "ior": min(params["ior"], 10.0),
+        "roughness": params["roughness"],
+        "tint": params["base_color"],
+        **surface,
+    }
+    if any(c < 1 for c in color) and "attenuationDistance" in volume:
+        distance = volume.number("attenuationDistance", low=1e-30)
+        glass["medium_absorption"] = tuple(-math.log(min(max(c, _LEAST_ATTENUATION), 1.0)) / distance for c in color)
+    dispersion = item.extension("KHR_materials_dispersion")
+    amount = 0.0 if dispersion is None else dispersion.number("dispersion", 0.0, low=0)
+    if amount > 0:
+        glass["abbe"] = min(20.0 / amount, 1000.0)
+    if transmission == 1.0 and params["metallic"] == 0.0:
+        return make.dielectric(name=name, **glass)
+    opaque = make.metallic_roughness(**_without_defaults(params), **surface)
+    if params["metallic"] != 0.0 and isinstance(params["metallic"], float) and isinstance(transmission, float):
+        transmission *= 1.0 - params["metallic"]
+    return make.mix(first=opaque, second=make.dielectric(**glass), amount=transmission, name=name)

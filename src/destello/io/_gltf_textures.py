@@ -1,0 +1,134 @@
+"""glTF's textures, samplers and images as destello's image textures.
+
+glTF's v runs from the top of an image to its bottom, destello's from the bottom to the top. Meshes therefore store
+``1 - v``, and a KHR_texture_transform is rewritten for those coordinates here.
+"""
+
+from __future__ import annotations
+
+import math
+from urllib.parse import unquote
+
+import destello.textures as make
+from destello.errors import Error
+from destello.io._gltf_accessors import Buffers, data_uri
+from destello.io._gltf_json import Document, Item
+from destello.io._images import decode
+from destello.nodes import Node
+
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST = 9728
+
+
+class Textures:
+    """Makes image textures; each of a file's images is decoded once."""
+
+    def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
+        self.document = document
+        self._buffers = buffers
+        self._notes = notes
+        self._sources: dict[int, Node] = {}
+
+    def image(self, info: Item, color_space: str) -> Node | None:
+        """The texture that a textureInfo object names, or None (with a note) if its image is of no known kind.
+
+        `color_space`: "srgb" for colours, "linear" for data.
+        """
+        texture = self.document.refer(info, "index", "textures", required=True)
+        assert texture is not None
+        image = self._image_of(texture)
+        if image is None:
+            self._notes.append(f"{texture.place}: no image that can be read; its factor alone is used")
+            return None
+        source = self._source(image)
+        settings = {**self._sampler(texture), **_uv_transform(info)}
+        try:
+            return source.replace(color_space=color_space, name=self._name(texture, image), **settings)
+        except Error as error:
+            raise error.within(info.place, file=info.file) from None
+
+    def _image_of(self, texture: Item) -> Item | None:
+        webp = texture.extension("EXT_texture_webp")
+        if webp is not None and "source" in webp:
+            return self.document.refer(webp, "source", "images")
+        return self.document.refer(texture, "source", "images")
+
+    def _source(self, image: Item) -> Node:
+        if image.index not in self._sources:
+            self._sources[image.index] = self._load(image)
+        return self._sources[image.index]
+
+    def _load(self, image: Item) -> Node:
+        if "uri" in image:
+            uri = image.text("uri")
+            if not uri.startswith("data:"):
+                return make.image(relative_path(image, uri))
+            data = data_uri(image, uri)
+        else:
+            view = self.document.refer(image, "bufferView", "bufferViews", required=True)
+            assert view is not None
+            data = bytes(self._buffers.view(view))
+        return make.image(decode(data, file=image.file, place=image.place))
+
+    def _sampler(self, texture: Item) -> dict[str, str]:
+        sampler = self.document.refer(texture, "sampler", "samplers")
+        if sampler is None:
+            return {}
+        settings = {}
+        for key, name in (("wrapS", "wrap_u"), ("wrapT", "wrap_v")):
+            code = sampler.integer(key, 10497)
+            if code not in _WRAPS:
+                raise sampler.error(
+                    "wrong value", key, value=code, expected="10497 (repeat), 33071 (clamp) or 33648 (mirrored)"
+                )
+            if code != 10497:
+                settings[name] = _WRAPS[code]
+        if sampler.integer("magFilter", 9729) == _NEAREST:
+            settings["filter"] = "nearest"
+        return settings
+
+    def _name(self, texture: Item, image: Item) -> str | None:
+        return texture.text("name", "") or image.text("name", "") or None
+
+
+def uv_set(info: Item) -> int:
+    """Which TEXCOORD_n a textureInfo object reads."""
+    transform = info.extension("KHR_texture_transform")
+    if transform is not None and "texCoord" in transform:
+        return transform.integer("texCoord")
+    return info.integer("texCoord", 0)
+
+
+def relative_path(item: Item, uri: str) -> str:
+    """The path that a relative URI means; FormatError for other URIs."""
+    scheme, colon, _ = uri.partition(":")
+    if colon and len(scheme) > 1 and scheme.isalnum():
+        raise item.error("not a file", "uri", value=uri, expected="a relative path or a data URI")
+    path = unquote(uri)
+    if not path or "\0" in path:
+        raise item.error("not a path", "uri", value=uri, expected="a relative path or a data URI")
+    return path
+
+
+def _uv_transform(info: Item) -> dict[str, object]:
+    """KHR_texture_transform for coordinates whose v starts at the bottom.
+
+    glTF has uv' = offset + R S uv with R = ((c, s), (-s, c)): counter-clockwise for the eye, v pointing down. (The
+    extension's GLSL listing has the other sign; its example, its sample model and all viewers agree on this one.) With
+    flip(u, v) = (u, 1 - v), flip R S flip is a counter-clockwise turn by the same angle, with another offset.
+    """
+    transform = info.extension("KHR_texture_transform")
+    if transform is None:
+        return {}
+    u, v = transform.numbers("offset", 2, (0.0, 0.0))
+    scale = transform.numbers("scale", 2, (1.0, 1.0))
+    angle = transform.number("rotation", 0.0)
+    offset = (u + math.sin(angle) * scale[1], 1.0 - v - math.cos(angle) * scale[1])
+    settings: dict[str, object] = {}
+    if scale != (1.0, 1.0):
+        settings["uv_scale"] = scale
+    if angle != 0.0:
+        settings["uv_rotation"] = math.degrees(angle)
+    if offset != (0.0, 0.0):
+        settings["uv_offset"] = offset
+    return settings

@@ -1,0 +1,263 @@
+"""MTL files, the materials of OBJ: parsed, and turned into destello's.
+
+Decisions where the format leaves room:
+- With Pr, Pm or their maps the material is `metallic_roughness`, Kd its base colour.
+- illum 4, 6, 7 and 9 are glass of index Ni, tinted by Tf; illum 3, 5 and 8 mirror Ks over the diffuse Kd.
+- Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
+  (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
+- Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import destello.materials as make
+import destello.textures as textures
+from destello.errors import Error, FormatError
+from destello.io._text import numbered_lines, printable
+from destello.nodes import Node
+
+_COLORS = ("kd", "ks", "ke", "tf")
+_NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "illum")
+_MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "norm")
+_UNSEEN = ("ka", "map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
+_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
+_WORDS = ("-clamp", "-blendu", "-blendv", "-imfchan", "-type", "-cc")
+_CHANNELS = {"r": "r", "g": "g", "b": "b", "m": "a", "l": "mean", "z": "mean"}
+_GLASS, _MIRROR, _MATTE = (4, 6, 7, 9), (3, 5, 8), (0, 1)
+
+Value = Any  # a number, three numbers or a texture node
+
+
+@dataclass
+class Map:
+    """A texture map: its file (relative to the scene) and its options."""
+
+    path: str
+    line: int
+    numbers: dict[str, list[float]] = field(default_factory=dict)
+    words: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Material:
+    """One newmtl block, keywords in lower case. `opacity`: d, or 1 - Tr."""
+
+    name: str
+    line: int
+    colors: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    maps: dict[str, Map] = field(default_factory=dict)
+    opacity: float = 1.0
+
+
+def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter[str]]:
+    """The materials of an MTL file, and how often statements were not understood. Raises FormatError.
+
+    `folder`: the file's directory relative to the scene's, "" if it is the same; map paths are prefixed with it.
+    """
+    parser = _Parser(file, folder)
+    for number, line in numbered_lines(data):
+        words = printable(line).split()
+        if words and not words[0].startswith("#"):
+            parser.statement(words[0].lower(), words[1:], printable(line), number)
+    return parser.materials, parser.ignored
+
+
+class _Parser:
+    def __init__(self, file: Path, folder: str) -> None:
+        self.file = file
+        self.folder = folder
+        self.materials: list[Material] = []
+        self.ignored: Counter[str] = Counter()
+
+    def statement(self, keyword: str, words: list[str], line: str, number: int) -> None:
+        """Takes in one line."""
+        if keyword == "newmtl":
+            self.materials.append(Material(line.partition(line.split()[0])[2].strip(), number))
+            return
+        if not self.materials:
+            raise FormatError(f"{keyword} before the first newmtl", file=self.file, line=number, expected="newmtl")
+        material = self.materials[-1]
+        if keyword in _COLORS and words[:1] not in (["spectral"], ["xyz"]):
+            red, *others = self._numbers(keyword, words, number, (1, 3))
+            material.colors[keyword] = (red, others[0], others[1]) if others else (red, red, red)
+        elif keyword in _NUMBERS:
+            value = self._numbers(keyword, words[1:] if words[:1] == ["-halo"] else words, number, (1,))[0]
+            material.numbers[keyword] = value
+            if keyword in ("d", "tr"):
+                material.opacity = min(max(value if keyword == "d" else 1.0 - value, 0.0), 1.0)
+        elif keyword in _MAPS:
+            material.maps[keyword] = self._map(words, line, number)
+        elif keyword not in _UNSEEN:
+            self.ignored[keyword[:20]] += 1
+
+    def _numbers(self, keyword: str, words: list[str], line: int, counts: tuple[int, ...]) -> list[float]:
+        try:
+            values = [float(word) for word in words if not word.startswith("#")][: max(counts)]
+            if len(values) not in counts or not all(abs(v) < 1e30 for v in values):
+                raise ValueError
+        except ValueError:
+            wanted = " or ".join(map(str, counts))
+            raise FormatError(
+                f"{keyword}: wrong values",
+                file=self.file,
+                line=line,
+                value=" ".join(words),
+                expected=f"{wanted} finite numbers",
+            ) from None
+        return values
+
+    def _map(self, words: list[str], line: str, number: int) -> Map:
+        found = Map("", number)
+        at = 0
+        while at < len(words) - 1 and words[at].lower() in (*_OPTIONS, *_WORDS):
+            option = words[at].lower()
+            at += 1
+            if option in _WORDS:
+                found.words[option] = words[at].lower()
+                at += 1
+                continue
+            values: list[str] = []
+            while at < len(words) - 1 and len(values) < _OPTIONS[option] and _is_number(words[at]):
+                values.append(words[at])
+                at += 1
+            found.numbers[option] = self._numbers(option, values, number, (1, 2, 3))
+        name = line.split(maxsplit=at + 1)[at + 1].strip() if at < len(words) else ""
+        if not name or "\0" in name:
+            raise FormatError("a map without a file", file=self.file, line=number, value=line, expected="a path")
+        name = name.replace("\\", "/")
+        found.path = f"{self.folder}/{name}" if self.folder and not name.startswith("/") else name
+        return found
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+# --- destello's materials ---------------------------------------------------------------------------------------------
+
+
+def convert(material: Material, file: Path) -> Node:
+    """The material as a node. Raises FormatError."""
+    try:
+        return _convert(material)
+    except Error as error:
+        place = f"newmtl {material.name}"
+        raise FormatError(
+            error.problem, file=file, line=material.line, place=place, value=error.value, expected=error.expected
+        ) from None
+
+
+def _convert(material: Material) -> Node:
+    numbers, maps, name = material.numbers, material.maps, material.name or None
+    illum = int(numbers.get("illum", 2))
+    base = _color(material, "kd", (0.6, 0.6, 0.6) if "map_kd" not in maps else (1.0, 1.0, 1.0), limit=1.0)
+    surface = _surface(material, glass=illum in _GLASS)
+    ks = tuple(min(max(k, 0.0), 1.0) for k in material.colors.get("ks", (0.0, 0.0, 0.0)))
+    if {"pr", "pm"} & numbers.keys() or {"map_pr", "map_pm"} & maps.keys():
+        metallic = _number(material, "pm", 0.0)
+        roughness = _number(material, "pr", _phong_roughness(material))
+        return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
+    if illum in _GLASS:
+        ior = numbers.get("ni", 1.5)
+        tint = tuple(min(max(t, 0.0), 1.0) for t in material.colors.get("tf", (1.0, 1.0, 1.0)))
+        roughness = 0.0 if "ns" not in numbers else _smooth(_phong_roughness(material))
+        return make.dielectric(ior=ior if ior > 0 else 1.5, tint=tint, roughness=roughness, name=name, **surface)
+    if illum in _MIRROR and any(ks):
+        return _mirror(material, base, ks, surface, name)
+    if illum in _MATTE or not any(ks):
+        return make.diffuse(reflectance=base, name=name, **surface)
+    strength = tuple(2.0 * k for k in ks)  # 0.5 is the reflectance of index 1.5
+    return make.metallic_roughness(
+        base_color=base,
+        metallic=0.0,
+        roughness=_phong_roughness(material),
+        specular_color=strength,
+        name=name,
+        **surface,
+    )
+
+
+def _mirror(
+    material: Material, base: Value, ks: tuple[float, ...], surface: dict[str, Value], name: str | None
+) -> Node:
+    """Ks reflected as by a metal, the rest diffuse."""
+    shine = _smooth(_phong_roughness(material)) if "ns" in material.numbers else 0.0
+    textured = isinstance(base, Node)
+    kd = max(material.colors.get("kd", (0.0, 0.0, 0.0)))
+    if kd <= 0 and not textured:
+        return make.conductor(reflectance=ks, fresnel="none", roughness=shine, name=name, **surface)
+    share = max(ks) / (max(ks) + min(kd, 1.0)) if kd > 0 else max(ks)
+    mirror = make.conductor(
+        reflectance=tuple(min(k / share, 1.0) for k in ks), fresnel="none", roughness=shine, **surface
+    )
+    if not textured:
+        base = tuple(min(b / (1.0 - share), 1.0) for b in base)
+    return make.mix(first=make.diffuse(reflectance=base, **surface), second=mirror, amount=min(share, 1.0), name=name)
+
+
+def _phong_roughness(material: Material) -> float:
+    return float((2.0 / (max(material.numbers.get("ns", 10.0), 0.0) + 2.0)) ** 0.25)
+
+
+def _smooth(roughness: float) -> float:
+    """Exponents from 1000 on mean a perfectly smooth surface: the format's way to say so."""
+    return 0.0 if roughness <= (2.0 / 1002.0) ** 0.25 else roughness
+
+
+def _surface(material: Material, *, glass: bool) -> dict[str, Value]:
+    """Emission, opacity, normal map."""
+    surface: dict[str, Value] = {}
+    emission = _color(material, "ke", (0.0, 0.0, 0.0) if "map_ke" not in material.maps else (1.0, 1.0, 1.0))
+    if isinstance(emission, Node) or any(emission):
+        surface.update(emission=emission, emission_two_sided=True)
+    opacity = _number(material, "d", material.opacity, given=material.opacity)
+    if not glass and opacity != 1.0:
+        surface["opacity"] = opacity
+    normal = material.maps.get("norm")
+    if normal is not None:
+        surface["normal_map"] = _image(normal, "linear")
+        if "-bm" in normal.numbers:
+            surface["normal_scale"] = normal.numbers["-bm"][0]
+    return surface
+
+
+def _color(material: Material, key: str, default: tuple[float, ...], limit: float = 1e30) -> Value:
+    color = tuple(min(max(c, 0.0), limit) for c in material.colors.get(key, default))
+    image = material.maps.get(f"map_{key}")
+    if image is None:
+        return color
+    texture = _image(image, "srgb")
+    return texture if color == (1.0, 1.0, 1.0) or not any(color) else textures.scaled(texture, scale=color)
+
+
+def _number(material: Material, key: str, default: float, given: float | None = None) -> Value:
+    """A number in [0, 1] or its map; a map stands alone where the number is 0 or not given."""
+    value = min(max(material.numbers.get(key, default) if given is None else given, 0.0), 1.0)
+    image = material.maps.get(f"map_{key}")
+    if image is None:
+        return value
+    same = material.maps.get("map_kd")
+    channel = "a" if key == "d" and same is not None and same.path == image.path else "mean"
+    channel = _CHANNELS.get(image.words.get("-imfchan", ""), channel)
+    alone = key not in material.numbers or value == 0.0
+    return textures.scaled(_image(image, "linear"), channel=channel, scale=1.0 if alone else value)
+
+
+def _image(image: Map, color_space: str) -> Node:
+    settings: dict[str, Value] = {}
+    if image.words.get("-clamp") == "on":
+        settings.update(wrap_u="clamp", wrap_v="clamp")
+    for option, name, default in (("-s", "uv_scale", 1.0), ("-o", "uv_offset", 0.0)):
+        if option in image.numbers:
+            settings[name] = tuple((image.numbers[option] + [default])[:2])
+    return textures.image(image.path, color_space=color_space, **settings)
