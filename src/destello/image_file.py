@@ -202,6 +202,7 @@ class Target:
         if self.linear and self.bits == 16 and any(name.startswith("depth") for name in names):
             spec.channelformats = [oiio.TypeDesc("float" if name.startswith("depth") else "half") for name in names]
         _describe(spec, self, metadata)
+        _place(spec, metadata)
         output = oiio.ImageOutput.create(self.format.name)
         if output is None:
             raise OutputError(f"OpenImageIO has no {self.format.name} writer: {oiio.geterror()}", file=path)
@@ -257,6 +258,15 @@ def _describe(spec: Any, target: Target, metadata: Mapping[str, Any]) -> None:
             spec.attribute(f"destello:{name}", value)
         else:
             spec.attribute(f"destello:{name}", str(value))
+
+
+def _place(spec: Any, metadata: Mapping[str, Any]) -> None:
+    """Puts a cropped picture where it belongs in the whole one, as EXR and TIFF can say (data and display window)."""
+    crop, full = metadata.get("crop"), metadata.get("full_size")
+    if isinstance(crop, str) and isinstance(full, str):
+        columns, rows = crop.split(",")
+        spec.x, spec.y = int(columns.split(":")[0]), int(rows.split(":")[0])
+        spec.full_width, spec.full_height = (int(side) for side in full.split("x"))
 
 
 def summary(metadata: Mapping[str, Any]) -> str:

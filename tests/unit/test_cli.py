@@ -123,6 +123,15 @@ def test_text_ppm_and_other_formats():
     assert dl.Image.load("c.exr").aovs.keys() == {"albedo", "depth", "normal"}
 
 
+def test_a_device_as_output():
+    done = run("render", "cornell", *SMALL, "-q", "-o", "/dev/null", "--format", "png")
+    assert done.exit_code == 0, done.stderr
+    assert not Path("/dev/null.film").exists()
+    done = run("render", "cornell", *SMALL, "-q", "-o", "/dev/null", "--format", "png", "--resume")
+    assert "'/dev/null' (accepted: -o FILE)" in one_line_error(done.stderr)
+    assert Path("/dev/null").is_char_device()
+
+
 def test_look_options():
     run("render", "cornell", *SMALL, "-q", "-o", "a.png", "--exposure", "1", "--tone", "neutral", "--curve", "gamma2.2")
     image = dl.render("cornell", size=(24, 16), spp=4, progress=False)

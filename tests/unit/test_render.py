@@ -71,6 +71,17 @@ def test_crop_is_cut_from_the_whole(device):
     assert part.metadata["full_size"] == "24x16"
 
 
+def test_a_cropped_exr_knows_its_place(tmp_path):
+    import OpenImageIO as oiio
+
+    part = render(crop=(3, 2, 11, 9))
+    for name in ("a.exr", "a.png"):
+        part.save(tmp_path / name)
+        assert dl.Image.load(tmp_path / name).array.shape == (7, 8, 3)
+    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
+    assert (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height) == (3, 2, 0, 0, 24, 16)
+
+
 def test_seed_and_samples_change_the_noise_but_not_the_picture():
     a, b = render(spp=64), render(spp=64, seed=5)
     assert not np.array_equal(a.array, b.array)

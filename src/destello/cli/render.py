@@ -163,8 +163,9 @@ class _Command:
         target.check_writable()
         if self.written.stdout and self.json:
             raise InputError("the picture and --json both go to standard output", expected="--json-file FILE")
-        if self.written.stdout and self.resume:
-            raise InputError("--resume keeps a film beside the output, and there is none beside -", expected="-o FILE")
+        if self.resume and self._film(target) is None:
+            problem = "--resume keeps a film beside the output, and there can be none here"
+            raise InputError(problem, value=self.written.name, expected="-o FILE")
         if self.arguments["aov"] and target.format.name != "openexr":
             raise InputError(f"--aov needs layers, which {target.format.name} has not", expected="-o FILE.exr")
         if self.preview is not None:
@@ -183,7 +184,7 @@ class _Command:
         flags = {name: self.arguments[name] for name in ("allow_missing", "allow_external")}
         scene = io.load(self.scene, **flags)
         target = self.written.target(scene)
-        film = None if target.path is None else o.film_path(target.path)
+        film = self._film(target)
         preview = self.preview and Target.of(self.preview, display=self.written.display(scene))
         say: Callable[[str], None] = (lambda _: None) if self.quiet else _say
         try:
@@ -206,6 +207,12 @@ class _Command:
             return INTERRUPTED
         self._write(image, target, say)
         return 0
+
+    @staticmethod
+    def _film(target: Target) -> Path | None:
+        """The film's file; None where the output is a stream or a device."""
+        path = target.path
+        return None if path is None or (path.exists() and not path.is_file()) else o.film_path(path)
 
     def _write(self, image: Image, target: Target, say: Callable[[str], None]) -> None:
         if target.path is None:
