@@ -12,7 +12,7 @@ import numpy as np
 from destello.assets import Assets
 from destello.compile_materials import ImageTable, MaterialCompiler, core_errors
 from destello.defaults import ensure_camera, ensure_light
-from destello.errors import SceneError
+from destello.errors import Error, SceneError
 from destello.fingerprint import HashingBuilder
 from destello.geometry import mesh_arrays
 from destello.mesh_checks import check_mesh, check_spheres
@@ -54,6 +54,13 @@ class CompiledScene:
 
 def compile_scene(scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None) -> CompiledScene:
     """Builds the core's scene. See `Scene.compile`."""
+    try:
+        return _compile(scene, allow_missing, base_dir)
+    except Error as error:
+        raise error.within(None, file=scene.source) from error.__cause__
+
+
+def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None) -> CompiledScene:
     from destello import _core
 
     scene.validate()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Self
 
 _LONGEST_VALUE = 80
 
@@ -57,11 +58,11 @@ class Error(Exception):
             text += f": {describe(self.value)}"
         if self.expected:
             text += f" (accepted: {self.expected})"
-        text = " ".join(text.split())
+        text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
         more = len(self.problems) - 1
         return f"{text} [and {more} more {'problem' if more == 1 else 'problems'}]" if more > 0 else text
 
-    def within(self, place: str | None, *, file: str | Path | None = None) -> Error:
+    def within(self, place: str | None, *, file: str | Path | None = None) -> Self:
         """Puts the error (and those found with it) inside `place` and, if none is known yet, `file`; returns itself."""
         for problem in self.problems:
             if place:

@@ -12,6 +12,7 @@ from typing import Any
 
 from destello.errors import SceneError, did_you_mean, gather
 from destello.schema import ParamDoc, TypeDoc, schema
+from destello.transform import Transform
 from destello.values import check
 
 DEEPEST = 64  # levels of nodes within nodes
@@ -51,7 +52,7 @@ class Node:
 
         `place` names the node in errors; without it, its name or type does. Raises SceneError, all problems in one.
         """
-        where = place if place is not None else (name or type)
+        where = place if place is not None else str(name or type)
         try:
             check_name(name)
             doc = schema().type(kind, type)
@@ -176,9 +177,20 @@ def _check_together(kind: str, type_name: str, params: Mapping[str, Any]) -> Non
             )
     if kind == "shape" and type_name == "sphere" and params["radius"] == 0:
         raise SceneError("the sphere has no size", place="radius", value=0.0, expected="a number other than 0")
-    if "transform1" in params and "transform" not in params:
+    if "transform1" in params:
+        _check_motion(params.get("transform"), params["transform1"])
+
+
+def _check_motion(first: Transform | None, last: Transform) -> None:
+    if first is None:
+        raise SceneError("transform1 without transform", place="transform", expected="the transform at time 0")
+    time = first.collapse(last)
+    if time is not None:
         raise SceneError(
-            "transform is missing where transform1 is given", place="transform", expected="where it starts"
+            f"on the way from transform the matrix has no inverse at time {time:g}",
+            place="transform1",
+            value=last,
+            expected="less than half a turn, and no mirroring",
         )
 
 

@@ -54,10 +54,11 @@ class Scene:
         groups: `Group`s by name, for instances.
         notes: what importers and `compile` want people to know: one line each.
         base_dir: the directory to which relative paths in the scene refer; None: the current one.
+        source: the file that the scene was read from, for errors; None: made in Python.
         allow_external: whether paths may lead out of `base_dir`. Loaders set it; scenes made in Python may.
         allow_missing: whether a visible stand-in replaces missing image files.
 
-    `base_dir`, `allow_external`, `allow_missing` and `notes` play no part in comparisons.
+    `base_dir`, `source`, `allow_external`, `allow_missing` and `notes` play no part in comparisons.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -71,6 +72,7 @@ class Scene:
         self.groups: dict[str, Group] = {}
         self.notes: list[str] = []
         self.base_dir: Path | None = None
+        self.source: Path | None = None
         self.allow_external = True
         self.allow_missing = False
 
@@ -186,11 +188,8 @@ class Scene:
         other.film, other.render = FilmSettings(**self.film.given), RenderSettings(**self.render.given)
         other.environment = self.environment
         other.shapes, other.lights, other.notes = list(self.shapes), list(self.lights), list(self.notes)
-        other.base_dir, other.allow_external, other.allow_missing = (
-            self.base_dir,
-            self.allow_external,
-            self.allow_missing,
-        )
+        other.base_dir, other.source = self.base_dir, self.source
+        other.allow_external, other.allow_missing = self.allow_external, self.allow_missing
         return other
 
     # --- comparing ----------------------------------------------------------------------------------------------------
@@ -233,6 +232,11 @@ def _parts(scene: Scene) -> Iterator[tuple[object, str, str]]:
 
 
 def _check_parts(scene: Scene) -> Iterator[SceneError]:
+    for place, name in (("name", scene.name), *((f"cameras.{name}", name) for name in scene.cameras)):
+        try:
+            check_name(name)
+        except SceneError as error:
+            yield error.within(place)
     for node, kind, place in _parts(scene):
         try:
             _expect(node, kind, place)

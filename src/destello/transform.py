@@ -26,7 +26,7 @@ TransformLike = Union["Transform", Sequence[Mapping[str, Any]], Mapping[str, Any
 _AXES: dict[str, Triple] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SHEARS = ("xy", "xz", "yx", "yz", "zx", "zy")
 _LARGEST = 3.4028234e38  # float32, which the core computes in
-_LEAST_DETERMINANT = 1e-30
+_LEAST_DETERMINANT = 1e-36
 _LEAST_RATIO = 1e-7  # determinant over the product of the columns' lengths: how far from flat
 
 
@@ -37,6 +37,7 @@ class Transform:
     """
 
     __slots__ = ("_matrix", "words")
+    __array_ufunc__ = None  # an array times a transform is a mistake
 
     words: tuple[Word, ...]
 
@@ -63,6 +64,22 @@ class Transform:
         if not isinstance(other, Transform):
             return NotImplemented
         return Transform(other.words + self.words)
+
+    def collapse(self, end: Transform) -> float | None:
+        """The time in [0, 1] at which the matrix, on its linear way from here to `end`, has no inverse; else None."""
+        import numpy as np
+
+        first, change = self.matrix[:3, :3], end.matrix[:3, :3] - self.matrix[:3, :3]
+        scale = max(float(np.abs(first).max()), float(np.abs(first + change).max()))
+        times = np.linspace(0.0, 1.0, 4)  # four values tell a cubic
+        determinants = [float(np.linalg.det((first + t * change) / scale)) for t in times]
+        cubic = np.linalg.solve(np.vander(times), np.array(determinants))
+        largest = float(np.abs(determinants).max())
+        for root in np.roots(cubic[int(np.argmax(np.abs(cubic) > 1e-12 * largest)) :]):
+            time = float(np.clip(root.real, 0.0, 1.0))
+            if abs(np.polyval(cubic, time)) <= _LEAST_RATIO * largest:
+                return time
+        return None
 
     def inverse(self) -> Transform:
         """The inverse, as a matrix word."""

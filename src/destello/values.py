@@ -51,7 +51,8 @@ def _node(doc: ParamDoc, value: Any) -> Any:
 
 
 def _number(doc: ParamDoc, value: Any) -> float:
-    if isinstance(value, (bool, str)) or not hasattr(value, "__float__") or _size(value) != 1:
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")
+    if isinstance(value, (bool, str)) or not hasattr(value, "__float__") or kind not in "iuf" or _rank(value) != 0:
         raise wrong(doc, value)
     try:
         number = float(value)
@@ -66,8 +67,8 @@ def _number(doc: ParamDoc, value: Any) -> float:
     return number
 
 
-def _size(value: Any) -> int:
-    return int(getattr(value, "size", 1))
+def _rank(value: Any) -> int:
+    return int(getattr(value, "ndim", 0))
 
 
 def _scalar(doc: ParamDoc, value: Any) -> float:

@@ -52,6 +52,7 @@ def _load_existing(path: Path, options: LoadOptions) -> Scene:
         raise error.within(None, file=path) from error.__cause__
     except OSError as error:
         raise MissingFileError([path], reason=error.strerror or str(error), expected="a readable file") from error
+    scene.source = path
     if scene.base_dir is None:
         scene.base_dir = path.parent
     return scene

@@ -45,7 +45,7 @@ def write_arrays(folder: Path, arrays: Arrays) -> str:
     path = folder / f"{digest.hexdigest()[:24]}.npz"
     if not path.exists():
         with replacing(path) as aside:
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(exist_ok=True)
             np.savez(aside, **dict(sorted(arrays.items())))  # type: ignore[arg-type]
     return path.name
 

@@ -26,6 +26,10 @@ def read_scene(document: Any, files: ResolvedFiles) -> Scene:
     return _Reader(document, files).scene()
 
 
+class _AlreadyReported(SceneError):
+    """A named material or texture that is broken is used; what is wrong with it was said where it stands."""
+
+
 class _Reader:
     """Reads one document; problems gather, so that one attempt reports them all."""
 
@@ -35,6 +39,7 @@ class _Reader:
         self._problems: list[SceneError] = []
         self._named: dict[tuple[str, str], Node] = {}
         self._reading: list[tuple[str, str]] = []
+        self._broken: set[tuple[str, str]] = set()
         self._inline: dict[tuple[int, str], Node] = {}  # by id: an alias gives the same node again
 
     def scene(self) -> Scene:
@@ -71,6 +76,8 @@ class _Reader:
         """The function's result, or None with its error kept for the end."""
         try:
             return function(*args)
+        except _AlreadyReported:
+            return None
         except SceneError as error:
             self._problems.append(error)
             return None
@@ -143,37 +150,48 @@ class _Reader:
         if key in self._reading or len(self._reading) > DEEPEST:
             chain = " -> ".join(n for _, n in [*self._reading[-4:], key])
             raise SceneError("references without end", place=place, value=chain, expected=f"at most {DEEPEST} levels")
+        if key in self._broken:
+            raise _AlreadyReported(f"{kind} {name} is broken")
         self._reading.append(key)
         try:
             data = table[name]
             if not isinstance(data, dict):
                 raise SceneError(f"not a {kind}", place=f"{section}.{name}", value=data, expected="a mapping with type")
             self._named[key] = self._make(kind, data, f"{section}.{name}", name)
+        except SceneError as error:
+            self._broken.add(key)
+            if len(self._reading) > 1 and not isinstance(error, _AlreadyReported):
+                self._problems.append(error)
+                raise _AlreadyReported(f"{kind} {name} is broken") from None
+            raise
         finally:
             self._reading.pop()
         return self._named[key]
 
     def _make(self, kind: str, data: Mapping[str, Any], place: str, name: str | None) -> Node:
         if "type" not in data:
-            known = ", ".join(schema().kinds[kind])
-            raise SceneError(f"the {kind} has no type", place=place, expected=f"type: one of {known}")
+            types = ", ".join(schema().kinds[kind])
+            raise SceneError(f"the {kind} has no type", place=place, expected=f"type: one of {types}")
         try:
             doc = schema().type(kind, data["type"])
         except SceneError as error:
             raise error.within(join_place(place, "type")) from None
         params: dict[str, Any] = {}
         problems: list[SceneError] = []
+        known: SceneError | None = None
         for key, value in data.items():
             if key in ("type", "name", "data"):
                 continue
             try:
                 params[key] = self._value(doc.params.get(key), value, join_place(place, key))
+            except _AlreadyReported as error:
+                known = error
             except SceneError as error:
                 problems.append(error)
         if data.get("data") is not None:
             arrays = {p.name for p in doc.params.values() if p.kind in ("array", "texels")}
             params.update(self._arrays(data["data"], arrays, join_place(place, "data"), params))
-        found = gather(problems)
+        found = gather(problems) or known
         if found is not None:
             raise found
         return Node(kind, doc.type, params, name=name if name is not None else data.get("name"), place=place)

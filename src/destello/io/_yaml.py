@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,14 +58,14 @@ def parse_json(text: str) -> Any:
     return data
 
 
-def line_of(text: str, place: str) -> int | None:
-    """The line (first: 1) of the innermost value that is or encloses `place`; None if that cannot be told."""
-    reader = _Reader(place)
+def lines_of(text: str, places: Sequence[str]) -> dict[str, int]:
+    """For each place that is there, the line (first: 1) of the innermost value that is or encloses it."""
+    reader = _Reader(places)
     try:
         reader.read(text)
     except FormatError:
-        return None
-    return reader.best_line
+        return {}
+    return {place: line for place, (_, line) in reader.best.items()}
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -101,11 +101,10 @@ def _inner(data: Any) -> Iterator[Any]:
 class _Reader:
     """Builds data from libyaml's events, without recursion."""
 
-    def __init__(self, place: str | None = None) -> None:
-        """`place`: where `best_line` is wanted."""
-        self.place = place
-        self.best_line: int | None = None
-        self._best_length = -1
+    def __init__(self, places: Sequence[str] = ()) -> None:
+        """`places`: those whose lines are wanted, in `best`: for each, how much of it was found, and the line."""
+        self._places = places
+        self.best: dict[str, tuple[int, int]] = {}
         self._open: list[_Open] = []
         self._anchors: dict[str, tuple[Any, int]] = {}  # with the number of values
         self._root: Any = None
@@ -193,13 +192,14 @@ class _Reader:
         return self._note(f".{key}", line)
 
     def _note(self, step: str, line: int) -> str:
-        """The place reached by `step`; remembers the line if that is the closest one to the place wanted yet."""
-        if self.place is None:
+        """The place reached by `step`; remembers the line where that is the closest one to a wanted place yet."""
+        if not self._places:
             return ""
         here = (self._open[-1].place + step).removeprefix(".")
-        rest = self.place.removeprefix(here)
-        if self.place.startswith(here) and rest[:1] in ("", ".", "[") and len(here) > self._best_length:
-            self._best_length, self.best_line = len(here), line
+        for place in self._places:
+            inside = place.startswith(here) and place[len(here) : len(here) + 1] in ("", ".", "[")
+            if inside and len(here) > self.best.get(place, (-1, 0))[0]:
+                self.best[place] = (len(here), line)
         return here
 
 

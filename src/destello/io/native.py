@@ -7,13 +7,14 @@ from pathlib import Path
 from destello.errors import Error, FormatError, InputError
 from destello.files import ResolvedFiles
 from destello.formats import LoadOptions
-from destello.image_file import replacing
+from destello.image_file import check_writable, replacing
 from destello.io._native_read import read_scene
 from destello.io._native_write import scene_document
-from destello.io._yaml import line_of, parse_json, parse_yaml, to_json, to_yaml
+from destello.io._yaml import lines_of, parse_json, parse_yaml, to_json, to_yaml
 from destello.scene import Scene
 
 MOST_BYTES = 256 << 20
+MOST_LOCATED = 50  # problems whose line is looked up
 
 
 def load(path: Path, options: LoadOptions) -> Scene:
@@ -38,6 +39,7 @@ def load(path: Path, options: LoadOptions) -> Scene:
 def save(scene: Scene, path: Path) -> None:
     """Writes the scene, .json as JSON and anything else as YAML; see `Scene.save`."""
     scene.validate()
+    check_writable(path)
     document = scene_document(scene, path)
     text = to_json(document) if path.suffix.lower() == ".json" else to_yaml(document)
     with replacing(path) as aside:
@@ -56,9 +58,10 @@ def _read_text(path: Path) -> str:
 
 def _located(error: InputError, path: Path, text: str) -> Error:
     """The error with file, and with the line of its place."""
-    for problem in error.problems:
-        if problem.file is None:
-            problem.file = str(path)
-            if problem.line is None and problem.place:
-                problem.line = line_of(text, problem.place)
+    here = [problem for problem in error.problems if problem.file is None]
+    lines = lines_of(text, [problem.place for problem in here[:MOST_LOCATED] if problem.place])
+    for problem in here:
+        problem.file = str(path)
+        if problem.line is None:
+            problem.line = lines.get(problem.place or "")
     return error
