@@ -1,0 +1,401 @@
+"""glTF: materials, textures, images."""
+
+from __future__ import annotations
+
+import base64
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from destello.compile_materials import uv_transform
+from destello.errors import FormatError, InputError, MissingFileError
+from destello.formats import LoadOptions
+from destello.io import gltf, load
+from destello.nodes import Node
+from destello.scene import Scene
+from scene_files import QUAD, QUAD_INDICES, QUAD_UV, Gltf, corner_image, encode_image
+
+BARE = LoadOptions(complete=False)
+
+
+def scene_with(g: Gltf, folder: Path, *, color: np.ndarray | None = None, **material: Any) -> Scene:
+    attributes = {
+        "POSITION": g.accessor(QUAD),
+        "TEXCOORD_0": g.accessor(QUAD_UV),
+        "TEXCOORD_1": g.accessor(QUAD_UV * 2),
+    }
+    if color is not None:
+        attributes["COLOR_0"] = g.accessor(color)
+    mesh = g.mesh(attributes, g.accessor(QUAD_INDICES), material=g.add("materials", **material))
+    g.node(mesh=mesh)
+    return gltf.load(g.glb(folder), BARE)
+
+
+def material_of(g: Gltf, folder: Path, **material: Any) -> Node:
+    node = scene_with(g, folder, **material).shapes[0]["material"]
+    assert isinstance(node, Node)
+    return node
+
+
+def texture_of(g: Gltf, folder: Path, **sampler: Any) -> int:
+    return g.texture(encode_image(corner_image(), ".png", folder), **sampler)
+
+
+# --- factors ----------------------------------------------------------------------------------------------------------
+
+
+def test_default_material(tmp_path: Path) -> None:
+    g = Gltf()
+    g.node(mesh=g.quad())
+    node = gltf.load(g.glb(tmp_path), BARE).shapes[0]["material"]
+    assert node.type == "metallic_roughness"
+    assert (node["base_color"], node["metallic"], node["roughness"], node["opacity"]) == ((1, 1, 1), 1, 1, 1)
+
+
+def test_factors(tmp_path: Path) -> None:
+    node = material_of(
+        Gltf(),
+        tmp_path,
+        name="Brass",
+        pbrMetallicRoughness={"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5, "roughnessFactor": 0.25},
+        emissiveFactor=[0, 0.5, 1],
+        doubleSided=True,
+    )
+    assert node.name == "Brass"
+    assert (node["base_color"], node["metallic"], node["roughness"]) == ((0.1, 0.2, 0.3), 0.5, 0.25)
+    assert (node["emission"], node["emission_two_sided"]) == ((0, 0.5, 1), True)
+    assert (node["opacity"], node["opacity_cutoff"]) == (1, 0)  # OPAQUE: alpha does not count
+
+
+def test_emissive_strength_ior_specular_transmission(tmp_path: Path) -> None:
+    node = material_of(
+        Gltf(),
+        tmp_path,
+        emissiveFactor=[1, 0.5, 0],
+        extensions={
+            "KHR_materials_emissive_strength": {"emissiveStrength": 20},
+            "KHR_materials_ior": {"ior": 1.33},
+            "KHR_materials_transmission": {"transmissionFactor": 0.75},
+            "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.9, 0.8]},
+        },
+    )
+    assert (node["emission"], node["emission_two_sided"]) == ((20, 10, 0), False)
+    assert (node["ior"], node["transmission"]) == (1.33, 0.75)
+    assert (node["specular"], node["specular_color"]) == (0.5, (1, 0.9, 0.8))
+
+
+def test_unlit_is_emission_alone(tmp_path: Path) -> None:
+    node = material_of(
+        Gltf(),
+        tmp_path,
+        pbrMetallicRoughness={"baseColorFactor": [0.1, 0.2, 0.3, 1]},
+        emissiveFactor=[9, 9, 9],
+        extensions={"KHR_materials_unlit": {}},
+    )
+    assert (node.type, node["radiance"], node["two_sided"]) == ("emissive", (0.1, 0.2, 0.3), True)
+
+
+def test_volume_is_a_body_of_glass(tmp_path: Path) -> None:
+    node = material_of(
+        Gltf(),
+        tmp_path,
+        pbrMetallicRoughness={"metallicFactor": 0, "roughnessFactor": 0.1, "baseColorFactor": [1, 0.9, 0.8, 1]},
+        extensions={
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_volume": {
+                "thicknessFactor": 1,
+                "attenuationColor": [0.5, 1, 0.25],
+                "attenuationDistance": 2,
+            },
+            "KHR_materials_dispersion": {"dispersion": 0.5},
+        },
+    )
+    assert (node.type, node["ior"], node["roughness"], node["tint"]) == ("dielectric", 1.5, 0.1, (1, 0.9, 0.8))
+    np.testing.assert_allclose(node["medium_absorption"], [math.log(2) / 2, 0, math.log(4) / 2])
+    assert node["abbe"] == 40
+
+
+def test_partly_transmissive_volume_is_a_mix(tmp_path: Path) -> None:
+    node = material_of(
+        Gltf(),
+        tmp_path,
+        pbrMetallicRoughness={"metallicFactor": 0.5},
+        extensions={
+            "KHR_materials_transmission": {"transmissionFactor": 0.5},
+            "KHR_materials_volume": {"thicknessFactor": 1},
+        },
+    )
+    assert (node.type, node["amount"]) == ("mix", 0.25)
+    assert (node["first"].type, node["second"].type) == ("metallic_roughness", "dielectric")
+    assert node["first"]["transmission"] == 0
+
+
+# --- alpha ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mode", "alpha", "cutoff", "opacity"),
+    [
+        ("BLEND", 0.25, None, 0.25),
+        ("MASK", 0.6, None, 1),
+        ("MASK", 0.4, None, 0),
+        ("MASK", 0.4, 0.4, 1),
+        ("MASK", 0, 0, 1),
+    ],
+)
+def test_constant_alpha(mode: str, alpha: float, cutoff: float | None, opacity: float, tmp_path: Path) -> None:
+    extra = {} if cutoff is None else {"alphaCutoff": cutoff}
+    factor = {"baseColorFactor": [1, 1, 1, alpha]}
+    node = material_of(Gltf(), tmp_path, pbrMetallicRoughness=factor, alphaMode=mode, **extra)
+    assert (node["opacity"], node["opacity_cutoff"]) == (opacity, 0)
+
+
+@pytest.mark.parametrize(("mode", "cutoff"), [("BLEND", 0.0), ("MASK", 0.5)])
+def test_alpha_of_the_texture(mode: str, cutoff: float, tmp_path: Path) -> None:
+    g = Gltf()
+    pbr = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": texture_of(g, tmp_path)}}
+    node = material_of(g, tmp_path, pbrMetallicRoughness=pbr, alphaMode=mode)
+    opacity = node["opacity"]
+    assert (opacity.type, opacity["channel"], opacity["scale"]) == ("scaled", "a", (0.5, 0.5, 0.5))
+    assert opacity["texture"].type == "image"
+    assert node["opacity_cutoff"] == cutoff
+    assert node["base_color"].type == "image"
+
+
+def test_vertex_colours_multiply_base_colour_and_alpha(tmp_path: Path) -> None:
+    color = np.full((4, 4), 0.5, np.float32)
+    plain = scene_with(Gltf(), tmp_path, color=color, pbrMetallicRoughness={"baseColorFactor": [1, 0.5, 1, 1]})
+    base = plain.shapes[0]["material"]["base_color"]
+    assert (base.type, base["scale"]) == ("vertex_color", (1, 0.5, 1))
+    g = Gltf()
+    pbr = {"baseColorTexture": {"index": texture_of(g, tmp_path)}}
+    node = scene_with(g, tmp_path, color=color, pbrMetallicRoughness=pbr, alphaMode="BLEND").shapes[0]["material"]
+    assert (node["base_color"].type, node["base_color"]["vertex_color"]) == ("scaled", True)
+    assert (node["opacity"]["channel"], node["opacity"]["vertex_color"]) == ("a", True)
+
+
+# --- textures ---------------------------------------------------------------------------------------------------------
+
+
+def test_texture_slots(tmp_path: Path) -> None:
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    node = material_of(
+        g,
+        tmp_path,
+        pbrMetallicRoughness={
+            "baseColorTexture": {"index": index},
+            "baseColorFactor": [0.5, 1, 1, 1],
+            "metallicRoughnessTexture": {"index": index},
+            "roughnessFactor": 0.5,
+        },
+        normalTexture={"index": index, "scale": 0.25},
+        emissiveTexture={"index": index},
+        emissiveFactor=[1, 1, 1],
+        occlusionTexture={"index": index},
+    )
+    base, metallic, rough = node["base_color"], node["metallic"], node["roughness"]
+    assert (base["scale"], base["texture"]["color_space"]) == ((0.5, 1, 1), "srgb")
+    assert (metallic["channel"], metallic["scale"], metallic["texture"]["color_space"]) == ("b", (1, 1, 1), "linear")
+    assert (rough["channel"], rough["scale"]) == ("g", (0.5, 0.5, 0.5))
+    assert (node["normal_map"]["color_space"], node["normal_scale"]) == ("linear", 0.25)
+    assert node["emission"]["color_space"] == "srgb"
+    np.testing.assert_array_equal(node["emission"]["pixels"], corner_image())
+    pixels = [texture["pixels"] for texture in (base["texture"], metallic["texture"], node["emission"])]
+    assert all(np.shares_memory(pixels[0], other) for other in pixels)  # decoded once
+
+
+def test_factor_zero_needs_no_texture(tmp_path: Path) -> None:
+    g = Gltf()
+    pbr = {"metallicRoughnessTexture": {"index": texture_of(g, tmp_path)}, "metallicFactor": 0}
+    node = material_of(g, tmp_path, pbrMetallicRoughness=pbr, emissiveTexture={"index": 0})
+    assert node["metallic"] == 0
+    assert node["emission"] == (0, 0, 0)
+
+
+def test_samplers(tmp_path: Path) -> None:
+    g = Gltf()
+    texture = texture_of(g, tmp_path, wrapS=33071, wrapT=33648, magFilter=9728, minFilter=9987)
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": texture}})["base_color"]
+    assert (image["wrap_u"], image["wrap_v"], image["filter"]) == ("clamp", "mirror", "nearest")
+    g = Gltf()
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": texture_of(g, tmp_path)}})
+    assert [image["base_color"][key] for key in ("wrap_u", "wrap_v", "filter")] == ["repeat", "repeat", "bilinear"]
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        {"offset": [0.25, -0.5]},
+        {"rotation": math.pi / 2},
+        {"scale": [2, 3]},
+        {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]},
+        {"offset": [0.1, 0.2], "rotation": 0.7, "scale": [2, -3]},
+    ],
+)
+def test_texture_transform(transform: dict[str, Any], tmp_path: Path) -> None:
+    """Against the extension's formula in glTF's own coordinates, v from the top."""
+    g = Gltf()
+    info = {"index": texture_of(g, tmp_path), "extensions": {"KHR_texture_transform": transform}}
+    shape = scene_with(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": info}).shapes[0]
+    (su, sv), (ou, ov), angle = (
+        transform.get("scale", [1, 1]),
+        transform.get("offset", [0, 0]),
+        transform.get("rotation", 0),
+    )
+    c, s = math.cos(angle), math.sin(angle)
+    there = QUAD_UV * (su, sv) @ np.array([[c, s], [-s, c]]).T + (ou, ov)
+    ours = np.array(uv_transform(shape["material"]["base_color"]))
+    here = shape["uvs"] @ ours[:, :2].T + ours[:, 2]
+    np.testing.assert_allclose(here, np.stack([there[:, 0], 1 - there[:, 1]], axis=1), atol=1e-6)
+
+
+def test_texture_transform_takes_the_quarter_that_the_extension_names(tmp_path: Path) -> None:
+    """Its example: "utilizes only the lower left quadrant of the source image, rotated clockwise 90 degrees"."""
+    g = Gltf()
+    transform = {"offset": [0, 1], "rotation": 1.57079632679, "scale": [0.5, 0.5]}
+    info = {"index": texture_of(g, tmp_path), "extensions": {"KHR_texture_transform": transform}}
+    shape = scene_with(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": info}).shapes[0]
+    ours = np.array(uv_transform(shape["material"]["base_color"]))
+    here = shape["uvs"] @ ours[:, :2].T + ours[:, 2]
+    np.testing.assert_allclose(here.min(0), [0, 0], atol=1e-6)  # v = 0 is the bottom
+    np.testing.assert_allclose(here.max(0), [0.5, 0.5], atol=1e-6)
+
+
+def test_uv_set_of_the_base_colour(tmp_path: Path) -> None:
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    pbr = {"baseColorTexture": {"index": index, "texCoord": 1}}
+    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr, normalTexture={"index": index})
+    np.testing.assert_array_equal(scene.shapes[0]["uvs"], QUAD_UV * 2 * (1, -1) + (0, 1))
+    assert any("several UV sets" in note for note in scene.notes)
+    g = Gltf()
+    info = {"index": texture_of(g, tmp_path), "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
+    scene = scene_with(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": info})
+    np.testing.assert_array_equal(scene.shapes[0]["uvs"][0], [0, -1])
+    assert scene.notes == []
+
+
+def test_missing_uv_set_is_noted(tmp_path: Path) -> None:
+    g = Gltf()
+    pbr = {"baseColorTexture": {"index": texture_of(g, tmp_path), "texCoord": 7}}
+    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr)
+    assert scene.shapes[0]["uvs"] is None
+    assert any("no TEXCOORD_7" in note for note in scene.notes)
+
+
+# --- images -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".png", ".webp"])
+def test_embedded_images_are_exact_and_keep_alpha_apart(suffix: str, tmp_path: Path) -> None:
+    texels = np.random.default_rng(1).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    texels[0, 0] = (200, 100, 50, 0)
+    g = Gltf()
+    g.texture(encode_image(texels, suffix, tmp_path))
+    if suffix == ".webp":
+        g.json["textures"][0] = {"extensions": {"EXT_texture_webp": {"source": 0}}}
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})["base_color"]
+    visible = texels[..., 3] > 0
+    np.testing.assert_array_equal(image["pixels"][visible], texels[visible])
+    if suffix == ".png":
+        np.testing.assert_array_equal(image["pixels"], texels)
+
+
+def test_embedded_jpeg_and_data_uri(tmp_path: Path) -> None:
+    texels = np.full((16, 16, 3), 90, np.uint8)
+    g = Gltf()
+    data = base64.b64encode(encode_image(texels, ".jpg", tmp_path)).decode()
+    g.add("textures", source=g.add("images", uri=f"data:image/jpeg;base64,{data}"))
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})["base_color"]
+    np.testing.assert_allclose(image["pixels"], texels, atol=1)
+
+
+def test_sixteen_bits(tmp_path: Path) -> None:
+    texels = np.random.default_rng(2).integers(0, 65536, (3, 4, 3), dtype=np.uint16)
+    g = Gltf()
+    g.texture(encode_image(texels, ".png", tmp_path))
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})["base_color"]
+    np.testing.assert_array_equal(image["pixels"], texels)
+
+
+def test_image_files_stay_paths(tmp_path: Path) -> None:
+    (tmp_path / "my tex").mkdir()
+    (tmp_path / "my tex" / "a#1.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
+    g = Gltf()
+    g.add("textures", source=g.add("images", uri="my%20tex/a%231.png"))
+    image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})["base_color"]
+    assert image["path"] == "my tex/a#1.png"
+    assert image["pixels"] is None
+
+
+def with_images(*uris: str) -> Gltf:
+    g = Gltf()
+    for uri in uris:
+        g.add("textures", source=g.add("images", uri=uri))
+        pbr = {"baseColorTexture": {"index": len(g.json["textures"]) - 1}}
+        g.node(mesh=g.quad(material=g.add("materials", pbrMetallicRoughness=pbr)))
+    return g
+
+
+def test_missing_images_are_listed_at_once(tmp_path: Path) -> None:
+    g = with_images("one.png", "two.png")
+    g.add("images", uri="unused.png")
+    with pytest.raises(MissingFileError) as caught:
+        load(g.glb(tmp_path))
+    assert caught.value.paths == ["one.png", "two.png"]
+    assert caught.value.file == str(tmp_path / "scene.glb")
+    scene = load(g.glb(tmp_path), allow_missing=True)
+    assert scene.allow_missing
+    assert len(scene.shapes) == 2
+
+
+@pytest.mark.parametrize("uri", ["../outside.png", "%2e%2e/outside.png", "/etc/hostname", "sub/../../outside.png"])
+def test_files_outside_are_refused(uri: str, tmp_path: Path) -> None:
+    (tmp_path / "outside.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
+    (tmp_path / "in" / "sub").mkdir(parents=True)
+    path = with_images(uri).glb(tmp_path / "in")
+    with pytest.raises(InputError, match="allow-external"):
+        load(path)
+    if "etc" not in uri:
+        assert load(path, allow_external=True).allow_external
+
+
+def test_buffer_outside_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    g = Gltf()
+    g.node(mesh=g.quad())
+    path = g.gltf(tmp_path / "in", buffer="../data.bin")
+    with pytest.raises(InputError, match="allow-external") as caught:
+        load(path)
+    assert caught.value.place == "buffers[0].uri"
+    assert len(load(path, allow_external=True).shapes) == 1
+
+
+@pytest.mark.parametrize("uri", ["http://example.org/a.png", "file:///etc/hostname"])
+def test_only_files_are_read(uri: str, tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="not a file"):
+        load(with_images(uri).glb(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"), [(b"GIF89a..", "unknown kind of image"), (b"\x89PNG\r\n\x1a\nrubbish", "embedded image")]
+)
+def test_broken_embedded_image(data: bytes, message: str, tmp_path: Path) -> None:
+    g = Gltf()
+    g.texture(data)
+    with pytest.raises(FormatError, match=message) as caught:
+        material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
+    assert caught.value.place == "images[0]"
+
+
+def test_truncated_image(tmp_path: Path) -> None:
+    texels = np.random.default_rng(3).integers(0, 256, (64, 64, 3), dtype=np.uint8)
+    g = Gltf()
+    g.texture(encode_image(texels, ".png", tmp_path)[:3000])
+    with pytest.raises(FormatError, match="embedded image") as caught:
+        material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
+    assert "destello-" not in str(caught.value)  # no temporary file's name
