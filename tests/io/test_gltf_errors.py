@@ -13,7 +13,7 @@ import pytest
 
 from destello.errors import Error, FormatError, MissingFileError
 from destello.io import load
-from scene_files import QUAD, QUAD_INDICES, Gltf
+from scene_files import QUAD, QUAD_INDICES, Gltf, encode_image
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -76,7 +76,7 @@ CASES: list[tuple[Change, str | None, str]] = [
     (put(*PRIMITIVE, "material", 1), "meshes[0].primitives[0].material", "index out of range: 1"),
     (put("accessors", 0, "count", 5), "accessors[0]", "larger than its buffer view of 48 bytes: 60"),
     (put("accessors", 0, "count", 10**15), "accessors[0]", "larger than its buffer view"),
-    (put("accessors", 0, "count", 10**400), "accessors[0].count", "wrong value"),
+    (put("accessors", 0, "count", 10**400), "accessors[0]", "larger than its buffer view"),
     (put("accessors", 0, "count", 0), "accessors[0].count", "wrong value: 0"),
     (put("accessors", 0, "count", 3.5), "accessors[0].count", "wrong value: 3.5"),
     (put("accessors", 0, "byteOffset", 4), "accessors[0]", "larger than its buffer view"),
@@ -110,9 +110,9 @@ CASES: list[tuple[Change, str | None, str]] = [
         "out of range: 0.5",
     ),
     (
-        put("extensionsRequired", ["KHR_draco_mesh_compression", "KHR_mesh_quantization"]),
+        put("extensionsRequired", ["EXT_a", "KHR_mesh_quantization", "EXT_b"]),
         "extensionsRequired",
-        "'KHR_draco_",
+        "'EXT_a, EXT_b'",
     ),
     (put("extensionsUsed", "KHR"), "extensionsUsed", "accepted: a list of texts"),
 ]
@@ -150,9 +150,7 @@ def test_nan_vertex_is_named(tmp_path: Path) -> None:
 def test_index_out_of_range_is_named(tmp_path: Path) -> None:
     g = Gltf()
     g.node(mesh=g.mesh({"POSITION": g.accessor(QUAD)}, g.accessor(np.array([0, 1, 2, 0, 65535, 3], np.uint16))))
-    with pytest.raises(
-        FormatError, match=r"index 4 refers to a vertex that is not there: 65535 \(accepted: 0 to 3\)"
-    ) as caught:
+    with pytest.raises(FormatError, match=r"index 4 refers to .* not there: 65535 \(accepted: 0 to 3\)") as caught:
         load(g.glb(tmp_path))
     assert caught.value.place == "meshes[0].primitives[0].indices"
 
@@ -333,18 +331,12 @@ def test_data_used_a_thousand_times_over(tmp_path: Path) -> None:
 
 
 def test_image_too_large_for_its_bytes(tmp_path: Path) -> None:
-    """A PNG header that announces 60000 x 60000 texels over a handful of bytes."""
-    import zlib
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    head = struct.pack(">IIBBBBB", 60000, 60000, 8, 6, 0, 0, 0)
-    data = (
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(1000))) + chunk(b"IEND", b"")
-    )
+    """A small JPEG whose header announces 60000 x 60000 texels."""
+    data = bytearray(encode_image(np.full((16, 16, 3), 90, np.uint8), ".jpg", tmp_path))
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = struct.pack(">HH", 60000, 60000)
     g = Gltf()
-    g.texture(data)
+    g.texture(bytes(data))
     material = g.add("materials", pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
     g.node(mesh=g.quad(material=material))
     with pytest.raises(FormatError, match="60000 x 60000 texels cannot be in") as caught:

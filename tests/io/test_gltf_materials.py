@@ -241,11 +241,8 @@ def test_texture_transform(transform: dict[str, Any], tmp_path: Path) -> None:
     g = Gltf()
     info = {"index": texture_of(g, tmp_path), "extensions": {"KHR_texture_transform": transform}}
     shape = scene_with(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": info}).shapes[0]
-    (su, sv), (ou, ov), angle = (
-        transform.get("scale", [1, 1]),
-        transform.get("offset", [0, 0]),
-        transform.get("rotation", 0),
-    )
+    (su, sv), (ou, ov) = transform.get("scale", [1, 1]), transform.get("offset", [0, 0])
+    angle = transform.get("rotation", 0)
     c, s = math.cos(angle), math.sin(angle)
     there = QUAD_UV * (su, sv) @ np.array([[c, s], [-s, c]]).T + (ou, ov)
     ours = np.array(uv_transform(shape["material"]["base_color"]))
