@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from destello.scene import Scene
 
 # Bytes that the core takes for each element, trees included, roughly.
-TRIANGLE_BYTES = 96
-SPHERE_BYTES = 64
+TRIANGLE_BYTES = 24  # beside its arrays
+SPHERE_BYTES = 60
 INSTANCE_BYTES = 256
 
 

@@ -154,7 +154,7 @@ def _check_params(doc: TypeDoc, params: Mapping[str, Any]) -> dict[str, Any]:
     problems.extend(_missing(p) for p in doc.params.values() if p.required and params.get(p.name) is None)
     if problems:
         raise gather(problems) or problems[0]
-    return checked
+    return {name: checked[name] for name in doc.params if name in checked}
 
 
 def _missing(doc: ParamDoc) -> SceneError:
