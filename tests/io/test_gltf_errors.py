@@ -331,14 +331,15 @@ def test_data_used_a_thousand_times_over(tmp_path: Path) -> None:
 
 
 def test_image_too_large_for_its_bytes(tmp_path: Path) -> None:
-    """A small JPEG whose header announces 60000 x 60000 texels."""
-    data = bytearray(encode_image(np.full((16, 16, 3), 90, np.uint8), ".jpg", tmp_path))
-    at = data.index(b"\xff\xc0") + 5
-    data[at : at + 4] = struct.pack(">HH", 60000, 60000)
+    """A WebP whose header announces as many texels as it can. (OpenImageIO itself refuses such PNG and JPEG files.)"""
+    data = bytearray(encode_image(np.full((16, 16, 3), 90, np.uint8), ".webp", tmp_path))
+    at = data.index(b"VP8L") + 9
+    (bits,) = struct.unpack_from("<I", data, at)
+    struct.pack_into("<I", data, at, bits | (1 << 28) - 1)
     g = Gltf()
     g.texture(bytes(data))
     material = g.add("materials", pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
     g.node(mesh=g.quad(material=material))
-    with pytest.raises(FormatError, match="60000 x 60000 texels cannot be in") as caught:
+    with pytest.raises(FormatError, match="16384 x 16384 texels cannot be in") as caught:
         load(g.glb(tmp_path))
     assert caught.value.place == "images[0]"
