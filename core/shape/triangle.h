@@ -38,6 +38,19 @@ struct TriangleHit {
   float u = 0, v = 0;   // weights of b and c
 };
 
+// Bound on the error of intersect_triangle's t. The vertices lie within `size` of the origin and, projected, within x and y
+// of the ray; za, zb, zc are theirs along it. |frame.z| is 1/D for a direction of length D, |frame.x| at most D and
+// |frame.y| at most 1. Coordinates err by gamma(4) times size (times those), the edge functions by that times x and y, and
+// t by the error of the weights times the range of z, besides the rounding of z itself (in the manner of pbrt 4, section
+// 6.8.7; with the range of z where pbrt has its greatest value, small triangles far away stay visible).
+DST_FN float triangle_t_error(float size, float x, float y, const RayFrame& frame, float za, float zb, float zc,
+                              float inverse_det) {
+  const float inverse_length = sqrtf(length_squared(frame.z));
+  const float range = max(za, max(zb, zc)) - min(za, min(zb, zc));
+  const float edge = 2.0f * (gamma_bound(2) * x * y + gamma_bound(4) * size * (x + y / inverse_length));
+  return 3.0f * edge * range * inverse_det + gamma_bound(12) * size * inverse_length;
+}
+
 // Nearest crossing with 0 < t < t_max. Edges and vertices belong to every triangle that shares them.
 DST_FN TriangleHit intersect_triangle(Vec3 origin, const RayFrame& frame, float t_max, Vec3 a, Vec3 b, Vec3 c) {
   const Vec3 pa = a - origin, pb = b - origin, pc = c - origin;
@@ -53,6 +66,11 @@ DST_FN TriangleHit intersect_triangle(Vec3 origin, const RayFrame& frame, float 
   const float scale = 1.0f / det;
   const float t = (u * dot(pa, frame.z) + v * dot(pb, frame.z) + w * dot(pc, frame.z)) * scale;
   if (!(t > 0 && t < t_max)) return {};
+  // A ray that starts on the triangle must not meet it again: t counts only above the bound on its own error.
+  const float size = sqrtf(max(length_squared(pa), max(length_squared(pb), length_squared(pc))));
+  const float x = max(fabsf(ax), max(fabsf(bx), fabsf(cx))), y = max(fabsf(ay), max(fabsf(by), fabsf(cy)));
+  if (t <= triangle_t_error(size, x, y, frame, dot(pa, frame.z), dot(pb, frame.z), dot(pc, frame.z), fabsf(scale)))
+    return {};
   return {t, v * scale, w * scale};
 }
 
