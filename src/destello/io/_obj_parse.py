@@ -76,7 +76,7 @@ class _Rows:
             text = b"".join(texts)
             words = text.split()
             count, size = text.count(b"\n"), len(text[: text.index(b"\n")].split())
-            if len(words) == count * size and set(words[::size]) == {self.key}:
+            if len(words) == count * size and set(words[::size]) == {self.key} and b"#" not in text:
                 del words[::size]
                 yield start, words, np.full(count, size - 1, np.int64)
                 continue
@@ -303,21 +303,21 @@ def _keyword(line: bytes) -> tuple[bytes, bytes]:
 def _read_corners(words: list[bytes]) -> Ints:
     """(C, 3) numbers as written, ``_ABSENT`` where there is none. Raises ValueError or OverflowError."""
     slashes = {word.count(b"/") for word in words}
-    if len(slashes) == 1 and slashes <= {0, 1, 2}:
-        return _same_form(words, slashes.pop())
+    same = _same_form(words, slashes.pop()) if len(slashes) == 1 and slashes <= {0, 1, 2} else None
+    if same is not None:
+        return same
     return np.array([_corner(word) for word in words], np.int64).reshape(-1, 3)
 
 
-def _same_form(words: list[bytes], slashes: int) -> Ints:
-    """Corners that all have that many slashes."""
+def _same_form(words: list[bytes], slashes: int) -> Ints | None:
+    """Corners that all have that many slashes; None if not all have the same numbers."""
     text = b" ".join(words)
-    if slashes == 2 and b"//" in text:
-        if text.count(b"//") != len(words):
-            return np.array([_corner(word) for word in words], np.int64).reshape(-1, 3)
-        text, columns = text.replace(b"//", b" "), [0, 2]
-    else:
-        text, columns = text.replace(b"/", b" "), [0, 1, 2][: slashes + 1]
-    numbers = np.fromiter(map(int, text.split()), np.int64)
+    columns = [0, 2] if b"//" in text else [0, 1, 2][: slashes + 1]
+    if b"//" in text and text.count(b"//") != len(words):
+        return None
+    numbers = np.fromiter(map(int, text.replace(b"/", b" ").split()), np.int64)
+    if len(numbers) != len(words) * len(columns):
+        return None
     corners = np.full((len(words), 3), _ABSENT, np.int64)
     corners[:, columns] = numbers.reshape(len(words), len(columns))
     return corners

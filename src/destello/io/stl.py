@@ -36,7 +36,12 @@ def load(path: Path, options: LoadOptions) -> Scene:
     """The scene in an .stl file. Raises FormatError for a damaged one, with the line if it is text."""
     data = read_bytes(path)
     scene = new_scene(path, options)
-    corners = _text_corners(data, path) if _is_text(data) else _binary_corners(data, path, scene.notes)
+    if _is_text(data):
+        corners: NDArray[np.floating] = _text_corners(data, path)
+        if b"endsolid" not in data[-1000:].lower():
+            scene.notes.append("no endsolid: the file may be truncated")
+    else:
+        corners = _binary_corners(data, path, scene.notes)
     if len(corners) == 0:
         raise FormatError("no triangles", file=path, value=0, expected="at least one")
     check_finite(corners, "corner", file=path)
@@ -95,6 +100,8 @@ def _text_corners(data: bytes, path: Path) -> NDArray[np.float64]:
 def _regular_corners(data: bytes) -> NDArray[np.float64] | None:
     """The corners of one solid written as usual, in half the time that `_any_corners` takes; None for anything else."""
     at, end = data.find(b"\n") + 1, data.rfind(b"endsolid")
+    if end < 0 or data[end:].strip().count(b"\n"):
+        return None
     parts = [np.zeros(0)]
     while at < end:
         stop = data.find(b"endfacet", at + _CHUNK, end) + 8
