@@ -7,6 +7,7 @@ cd "$(dirname "$0")/.."
 bin=$PWD/${VENV:-.venv-test}/bin
 sanitize=${SANITIZE:-address,undefined}
 build=build/sanitize-${sanitize%%,*}
+mkdir -p build
 
 "$bin/cmake" -S . -B "$build" -G Ninja -DCMAKE_MAKE_PROGRAM="$bin/ninja" -DCMAKE_BUILD_TYPE=Release \
   -DPython_EXECUTABLE="$bin/python" -DDST_CUDA=OFF -DDST_SANITIZE="$sanitize" >"$build.log" 2>&1 ||
