@@ -201,7 +201,9 @@ void register_scene(nb::module_& m) {
       .def("set_environment", &set_environment, nb::arg("type"), nb::arg("params"), nb::arg("transform") = nb::none(),
            nb::arg("image") = nb::none())
       .def("add_camera", [](SceneBuilder& b, const std::string& type, const nb::dict& params) {
-             return b.add_camera(make_one_of(Cameras{}, type, params, [](auto&) {}));
+             return b.add_camera(make_one_of(Cameras{}, type, params, [](auto& camera) {
+               if (const char* problem = camera.problem()) throw std::invalid_argument(problem);
+             }));
            }, nb::arg("type"), nb::arg("params"))
       .def("build", &SceneBuilder::build, nb::call_guard<nb::gil_scoped_release>());
 }

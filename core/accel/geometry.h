@@ -82,7 +82,7 @@ DST_FN bool intersect_primitive(const GeometryView& g, const LeafPrimitive& p, u
     return true;
   }
   const TriangleVertices v = triangle_at(g, p, ray.time);
-  const TriangleHit h = intersect_triangle(ray.origin, ray.frame, hit->t, v.a, v.b, v.c);
+  const TriangleHit h = intersect_triangle(ray.origin, ray.direction, ray.frame, hit->t, v.a, v.b, v.c);
   if (h.t == kInfinity) return false;
   hit->t = h.t;
   hit->u = h.u;

@@ -288,7 +288,7 @@ struct ScatterSurface {
 DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const Hit& hit, Path* path, ShadowRay* shadow,
                   SampleAovs* aovs) {
   shadow->wanted = false;
-  if (scene.has_boundaries && path->inside.count != 0) {
+  if (scene.has_boundaries && !path->inside.empty()) {
     shadow->inside = path->inside;
     shadow->crosses = false;
     if (scatter_in_medium(scene, settings, hit.t, path, shadow)) return;

@@ -25,33 +25,32 @@ struct RenderSettings {
   AnyCamera camera;
 };
 
-// The interiors that a path is inside of, oldest first. A fixed number: deeper nesting forgets the oldest.
+// The interiors that a path is inside of, newest first. A fixed number: deeper nesting forgets the oldest. Packed into one
+// integer, 16 bits each (index + 1; 0: empty), so that it stays in registers.
 struct InteriorStack {
   static constexpr int kCapacity = 4;
-  uint16_t items[kCapacity] = {};  // indices of interiors
-  uint32_t count = 0;
+  uint64_t items = 0;
 
-  DST_HD void push(uint32_t interior) {
-    if (count == kCapacity) {
-      for (int i = 1; i < kCapacity; ++i) items[i - 1] = items[i];
-      --count;
-    }
-    items[count++] = static_cast<uint16_t>(interior);
-  }
+  DST_HD bool empty() const { return items == 0; }
+  DST_HD void push(uint32_t interior) { items = items << 16 | (interior + 1); }
   // Removes the newest entry of that interior, if there is one.
   DST_HD void remove(uint32_t interior) {
-    for (int i = static_cast<int>(count) - 1; i >= 0; --i) {
-      if (items[i] != interior) continue;
-      for (int k = i + 1; k < static_cast<int>(count); ++k) items[k - 1] = items[k];
-      --count;
+    DST_UNROLL
+    for (int shift = 0; shift < 16 * kCapacity; shift += 16) {
+      if ((items >> shift & 0xffff) != interior + 1) continue;
+      const uint64_t newer = items & ((1ull << shift) - 1);
+      items = (items >> shift >> 16 << shift) | newer;
       return;
     }
   }
   // The interior that counts: highest priority, newest first; kNoIndex in the open.
   DST_HD uint32_t current(Span<Interior> interiors) const {
+    if (items >> 16 == 0) return static_cast<uint32_t>(items) - 1;  // at most one: no priorities to look up
     uint32_t best = kNoIndex;
-    for (uint32_t i = 0; i < count; ++i)
-      if (best == kNoIndex || interiors[items[i]].priority >= interiors[best].priority) best = items[i];
+    for (uint64_t rest = items; rest != 0; rest >>= 16) {
+      const uint32_t i = static_cast<uint32_t>(rest & 0xffff) - 1;
+      if (best == kNoIndex || interiors[i].priority > interiors[best].priority) best = i;
+    }
     return best;
   }
 };

@@ -16,19 +16,18 @@ DST_FN float product_difference(float a, float b, float c, float d) {
 #endif
 }
 
-// The ray's own coordinates: it runs along z from the origin, z measures t. After Woop, Benthin and Wald 2013,
+// Two axes across a ray: it starts at their origin, and meets a triangle if the triangle's projection covers the origin.
+// After Woop, Benthin and Wald 2013,
 // "Watertight Ray/Triangle Intersection", with a rotation where they shear and permute: what matters is that a shared
 // vertex lands on the same projected point for every triangle that uses it.
 struct RayFrame {
-  Vec3 x, y, z;
+  Vec3 x, y;
 
   DST_HD static RayFrame from_direction(Vec3 d) {
     RayFrame f;
-    const float s = 1.0f / length_squared(d);
-    f.z = d * s;
-    // Any two vectors across d; their common scale cancels.
+    // Any two vectors across d; their scale cancels.
     f.x = fabsf(d.x) > fabsf(d.y) ? Vec3(-d.z, 0, d.x) : Vec3(0, d.z, -d.y);
-    f.y = cross(f.z, f.x);
+    f.y = cross(d, f.x) * (1.0f / length_squared(d));
     return f;
   }
 };
@@ -38,21 +37,10 @@ struct TriangleHit {
   float u = 0, v = 0;   // weights of b and c
 };
 
-// Bound on the error of intersect_triangle's t. The vertices lie within `size` of the origin and, projected, within x and y
-// of the ray; za, zb, zc are theirs along it. |frame.z| is 1/D for a direction of length D, |frame.x| at most D and
-// |frame.y| at most 1. Coordinates err by gamma(4) times size (times those), the edge functions by that times x and y, and
-// t by the error of the weights times the range of z, besides the rounding of z itself (in the manner of pbrt 4, section
-// 6.8.7; with the range of z where pbrt has its greatest value, small triangles far away stay visible).
-DST_FN float triangle_t_error(float size, float x, float y, const RayFrame& frame, float za, float zb, float zc,
-                              float inverse_det) {
-  const float inverse_length = sqrtf(length_squared(frame.z));
-  const float range = max(za, max(zb, zc)) - min(za, min(zb, zc));
-  const float edge = 2.0f * (gamma_bound(2) * x * y + gamma_bound(4) * size * (x + y / inverse_length));
-  return 3.0f * edge * range * inverse_det + gamma_bound(12) * size * inverse_length;
-}
-
-// Nearest crossing with 0 < t < t_max. Edges and vertices belong to every triangle that shares them.
-DST_FN TriangleHit intersect_triangle(Vec3 origin, const RayFrame& frame, float t_max, Vec3 a, Vec3 b, Vec3 c) {
+// Nearest crossing with 0 < t < t_max. Edges and vertices belong to every triangle that shares them. t comes from the
+// plane, not from the projected vertices: its sign is then right whenever the origin is off the plane by more than the
+// error that triangle_point reports, at any angle.
+DST_FN TriangleHit intersect_triangle(Vec3 origin, Vec3 direction, const RayFrame& frame, float t_max, Vec3 a, Vec3 b, Vec3 c) {
   const Vec3 pa = a - origin, pb = b - origin, pc = c - origin;
   const float ax = dot(pa, frame.x), ay = dot(pa, frame.y);
   const float bx = dot(pb, frame.x), by = dot(pb, frame.y);
@@ -62,22 +50,21 @@ DST_FN TriangleHit intersect_triangle(Vec3 origin, const RayFrame& frame, float 
   const float w = product_difference(bx, ay, by, ax);  // opposite c
   if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return {};
   const float det = u + v + w;
-  if (det == 0) return {};
-  const float scale = 1.0f / det;
-  const float t = (u * dot(pa, frame.z) + v * dot(pb, frame.z) + w * dot(pc, frame.z)) * scale;
+  const Vec3 n = cross(b - a, c - a);
+  const float cosine = dot(n, direction);
+  if (det == 0 || cosine == 0) return {};
+  const float t = dot(n, pa) / cosine;
   if (!(t > 0 && t < t_max)) return {};
-  // A ray that starts on the triangle must not meet it again: t counts only above the bound on its own error.
-  const float size = sqrtf(max(length_squared(pa), max(length_squared(pb), length_squared(pc))));
-  const float x = max(fabsf(ax), max(fabsf(bx), fabsf(cx))), y = max(fabsf(ay), max(fabsf(by), fabsf(cy)));
-  if (t <= triangle_t_error(size, x, y, frame, dot(pa, frame.z), dot(pb, frame.z), dot(pc, frame.z), fabsf(scale)))
-    return {};
+  const float scale = 1.0f / det;
   return {t, v * scale, w * scale};
 }
 
-// The point with weights (1-u-v, u, v), and a bound on its error (pbrt 4, section 6.8.4).
+// The point with weights (1-u-v, u, v), and a bound on its error (pbrt 4, section 6.8.4) that also covers what
+// intersect_triangle's plane test errs by for a ray that starts there.
 DST_FN Vec3 triangle_point(Vec3 a, Vec3 b, Vec3 c, float u, float v, Vec3* error) {
   const Vec3 wa = a * (1.0f - u - v), wb = b * u, wc = c * v;
-  *error = (abs(wa) + abs(wb) + abs(wc)) * gamma_bound(7);
+  const Vec3 extent = abs(b - a) + abs(c - a);
+  *error = (abs(wa) + abs(wb) + abs(wc)) * gamma_bound(7) + Vec3(max_component(extent) * gamma_bound(8));
   return wa + wb + wc;
 }
 
