@@ -20,4 +20,5 @@ NB_MODULE(_core, m) {
     destello::register_testing_bsdf(testing);
     destello::register_testing_light(testing);
     destello::register_testing_texture(testing);
+    destello::register_testing_trace(testing);
 }

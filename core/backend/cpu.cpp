@@ -2,6 +2,8 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <thread>
 
 #include "backend/backend.h"
@@ -62,6 +64,9 @@ class CpuBackend final : public Backend {
 const CpuKernels& cpu_kernels() {
   static const CpuKernels kernels = [] {
 #if defined(DST_HAS_AVX2)
+    const char* wanted = std::getenv("DESTELLO_CPU");  // "baseline": as on a processor without AVX2
+    if (wanted != nullptr && std::strcmp(wanted, "baseline") == 0)
+      return CpuKernels{dst_render_tile_baseline, dst_trace_rays_baseline, "baseline"};
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
       return CpuKernels{dst_render_tile_avx2, dst_trace_rays_avx2, "AVX2"};
 #endif

@@ -1,0 +1,260 @@
+// Rays against finished scenes for pytest: every traversal there is, a search without a tree, and a look at the tree.
+#include <nanobind/stl/string.h>
+
+#include <cmath>
+#include <vector>
+
+#include "accel/traverse_host.h"
+#include "backend/cpu_kernel.h"
+#include "bindings/register.h"
+#include "bindings/testing_support.h"
+#include "scene/scene.h"
+#include "scene/surface.h"
+
+namespace destello {
+namespace {
+
+using testing::need_columns;
+using testing::Numbers;
+using testing::Output;
+using testing::row3;
+using testing::Rows;
+using Indices = nanobind::ndarray<const int32_t, nanobind::ndim<1>, nanobind::c_contig, nanobind::device::cpu>;
+namespace nb = nanobind;
+
+std::vector<Ray> to_rays(const Rows& origins, const Rows& directions, const Numbers& t_max, const Numbers& time) {
+  need_columns(origins, 3);
+  need_columns(directions, 3);
+  const size_t n = origins.shape(0);
+  if (directions.shape(0) != n || t_max.shape(0) != n || time.shape(0) != n)
+    throw std::invalid_argument("rays: expected as many origins, directions, t_max and times");
+  std::vector<Ray> rays(n);
+  for (size_t i = 0; i < n; ++i) rays[i] = {row3(origins, i), row3(directions, i), t_max(i), time(i)};
+  return rays;
+}
+
+// The leaves below a node, found by following every child.
+std::vector<uint32_t> leaves_below(const GeometryView& g, uint32_t root) {
+  std::vector<uint32_t> leaves, todo{root};
+  while (!todo.empty()) {
+    const Node8& node = g.nodes[todo.back()];
+    todo.pop_back();
+    for (uint32_t s = 0; s < 8; ++s) {
+      if (node.meta[s] == 0) continue;
+      const HostEntry e = host_child(node, s, 0.0f);
+      if (e.count == 0) todo.push_back(e.index);
+      for (uint32_t k = 0; k < e.count; ++k) leaves.push_back(e.index + k);
+    }
+  }
+  return leaves;
+}
+
+// Tests every primitive of every instance.
+class BruteForce {
+ public:
+  explicit BruteForce(const Scene& scene) : g_(scene.view().geometry), world_(leaves_below(g_, 0)) {
+    for (const Instance& it : scene.arrays().instances) of_instance_.push_back(leaves_below(g_, it.root));
+  }
+  void trace(const Ray& ray, bool any, Hit* hit) const {
+    const LocalRay world = LocalRay::make(ray.origin, ray.direction, ray.time);
+    for (const uint32_t leaf : world_) {
+      const LeafPrimitive& p = g_.leaves[leaf];
+      if (p.kind() != PrimitiveKind::Instance) {
+        if (intersect_primitive(g_, p, leaf, world, hit)) hit->instance = Hit::kNone;
+      } else {
+        const Transform local = g_.instances[p.object].local_at(ray.time);
+        const LocalRay r = LocalRay::make(local.point(ray.origin), local.vector(ray.direction), ray.time);
+        for (const uint32_t inner : of_instance_[p.object])
+          if (intersect_primitive(g_, g_.leaves[inner], inner, r, hit)) hit->instance = p.object;
+      }
+      if (any && hit->found()) return;
+    }
+  }
+
+ private:
+  GeometryView g_;
+  std::vector<uint32_t> world_;
+  std::vector<std::vector<uint32_t>> of_instance_;
+};
+
+std::vector<Hit> run_method(const Scene& scene, const std::string& method, const std::vector<Ray>& rays, bool any) {
+  const GeometryView& g = scene.view().geometry;
+  std::vector<Hit> hits(rays.size());
+  if (method == "simd" || method == "baseline") {
+    DstTraceRays* trace = method == "simd" ? cpu_kernels().trace_rays : &dst_trace_rays_baseline;
+    trace(&g, rays.data(), hits.data(), rays.size(), any ? 1 : 0);
+    return hits;
+  }
+  const bool brute = method == "brute";
+  if (!brute && method != "groups") throw std::invalid_argument("method: expected simd, baseline, groups or brute");
+  const BruteForce everything(scene);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    hits[i].t = rays[i].t_max;
+    if (brute) {
+      everything.trace(rays[i], any, &hits[i]);
+    } else if (any) {
+      traverse_groups<true>(g, rays[i], &hits[i]);
+    } else {
+      traverse_groups<false>(g, rays[i], &hits[i]);
+    }
+  }
+  return hits;
+}
+
+nb::dict trace_rays(const Scene& scene, const std::string& method, const Rows& origins, const Rows& directions,
+                    const Numbers& t_max, const Numbers& time, bool any) {
+  const std::vector<Hit> hits = run_method(scene, method, to_rays(origins, directions, t_max, time), any);
+  const size_t n = hits.size();
+  Output<float> t(n), u(n), v(n);
+  Output<int32_t> leaf(n), instance(n), object(n), primitive(n);
+  for (size_t i = 0; i < n; ++i) {
+    const Hit& h = hits[i];
+    leaf.data[i] = instance.data[i] = object.data[i] = primitive.data[i] = -1;
+    t.data[i] = kInfinity;
+    if (!h.found()) continue;
+    const LeafPrimitive& p = scene.view().geometry.leaves[h.leaf];
+    t.data[i] = h.t, u.data[i] = h.u, v.data[i] = h.v;
+    leaf.data[i] = static_cast<int32_t>(h.leaf), instance.data[i] = static_cast<int32_t>(h.instance);
+    object.data[i] = static_cast<int32_t>(p.object), primitive.data[i] = static_cast<int32_t>(p.primitive);
+  }
+  nb::dict d;
+  d["t"] = t.array(), d["u"] = u.array(), d["v"] = v.array();
+  d["leaf"] = leaf.array(), d["instance"] = instance.array();
+  d["object"] = object.array(), d["primitive"] = primitive.array();
+  return d;
+}
+
+nb::dict surfaces(const Scene& scene, const Rows& origins, const Rows& directions, const Numbers& time,
+                  const Numbers& t, const Numbers& u, const Numbers& v, const Indices& leaf, const Indices& instance) {
+  const std::vector<Ray> rays = to_rays(origins, directions, t, time);
+  const size_t n = rays.size();
+  if (u.shape(0) != n || v.shape(0) != n || leaf.shape(0) != n || instance.shape(0) != n)
+    throw std::invalid_argument("surfaces: expected as many hits as rays");
+  Output<float> p(n, 3), error(n, 3), ng(n, 3), ns(n, 3), uv(n, 2);
+  Output<bool> front(n);
+  Output<int32_t> light(n);
+  for (size_t i = 0; i < n; ++i) {
+    if (leaf(i) < 0 || static_cast<size_t>(leaf(i)) >= scene.arrays().leaves.size())
+      throw std::invalid_argument("surfaces: a ray without a hit");
+    const Hit hit{t(i), u(i), v(i), static_cast<uint32_t>(leaf(i)), static_cast<uint32_t>(instance(i))};
+    const Surface s = make_surface(scene.view(), rays[i], hit);
+    p.set(i, s.p), error.set(i, s.error), ng.set(i, s.ng), ns.set(i, s.ns), uv.set(i, s.uv);
+    front.data[i] = s.front;
+    light.data[i] = static_cast<int32_t>(s.light);
+  }
+  nb::dict d;
+  d["p"] = p.array(), d["error"] = error.array(), d["ng"] = ng.array(), d["ns"] = ns.array(), d["uv"] = uv.array();
+  d["front"] = front.array(), d["light"] = light.array();
+  return d;
+}
+
+nb::object offset_origins(const Rows& p, const Rows& error, const Rows& n, const Rows& w) {
+  for (const Rows* a : {&p, &error, &n, &w}) {
+    need_columns(*a, 3);
+    if (a->shape(0) != p.shape(0)) throw std::invalid_argument("offset_origins: expected as many rows in each array");
+  }
+  Output<float> out(p.shape(0), 3);
+  for (size_t i = 0; i < p.shape(0); ++i) out.set(i, offset_origin(row3(p, i), row3(error, i), row3(n, i), row3(w, i)));
+  return out.array();
+}
+
+// Nodes and primitives that traverse_host looks at for each ray, in a world without instances.
+nb::dict count_visits(const Scene& scene, const Rows& origins, const Rows& directions, const Numbers& t_max,
+                      const Numbers& time) {
+  const GeometryView& g = scene.view().geometry;
+  if (g.has_instances) throw std::invalid_argument("count_visits: expected a scene without instances");
+  const std::vector<Ray> rays = to_rays(origins, directions, t_max, time);
+  Output<int32_t> nodes(rays.size()), primitives(rays.size());
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const LocalRay local = LocalRay::make(rays[i].origin, rays[i].direction, rays[i].time);
+    const HostNodeTest test = HostNodeTest::make(rays[i].origin, rays[i].direction);
+    HostEntry stack[kTraversalStack * 8];
+    int top = 0;
+    stack[top++] = {0, 0, 0.0f};
+    Hit hit;
+    hit.t = rays[i].t_max;
+    while (top > 0) {
+      const HostEntry e = stack[--top];
+      if (e.near > hit.t) continue;
+      for (uint32_t k = 0; k < e.count; ++k) intersect_primitive(g, g.leaves[e.index + k], e.index + k, local, &hit);
+      primitives.data[i] += static_cast<int32_t>(e.count);
+      if (e.count != 0) continue;
+      ++nodes.data[i];
+      float near[8];
+      const uint32_t mask = test.hits(g.nodes[e.index], hit.t, near);
+      top = push_children(g.nodes[e.index], mask, near, stack, top);
+    }
+  }
+  nb::dict d;
+  d["nodes"] = nodes.array(), d["primitives"] = primitives.array();
+  return d;
+}
+
+Bounds leaf_bounds(const GeometryView& g, const LeafPrimitive& p) {
+  Bounds b;
+  if (p.kind() == PrimitiveKind::Instance) return b;
+  for (const float time : {0.0f, 1.0f}) {
+    if (p.kind() == PrimitiveKind::Sphere) {
+      const Vec3 c = p.a + p.c * time, r(std::fabs(p.b.x));
+      b.grow(c - r), b.grow(c + r);
+    } else {
+      const TriangleVertices v = triangle_at(g, p, time);
+      b.grow(v.a), b.grow(v.b), b.grow(v.c);
+    }
+  }
+  return b;
+}
+
+// The trees as arrays. Child s of node i is row 8 i + s: `count` is -1 for no child, 0 for node `index`, else the number of
+// leaves from `index` on; lo and hi bound it. Leaves: leaf_lo and leaf_hi over the shutter (infinite the wrong way round
+// for an instance), leaf_instance (-1: none). `roots`: of the world, then of each instance.
+nb::dict tree(const Scene& scene) {
+  const SceneArrays& a = scene.arrays();
+  const size_t n = a.nodes.size() * 8;
+  Output<double> lo(n, 3), hi(n, 3);
+  Output<int32_t> index(n), count(n);
+  for (size_t i = 0; i < n; ++i) {
+    const Node8& node = a.nodes[i / 8];
+    const uint32_t s = i % 8;
+    index.data[i] = count.data[i] = -1;
+    if (node.meta[s] == 0) continue;
+    const HostEntry e = host_child(node, s, 0.0f);
+    index.data[i] = static_cast<int32_t>(e.index), count.data[i] = static_cast<int32_t>(e.count);
+    for (int k = 0; k < 3; ++k) {
+      const double step = std::ldexp(1.0, node.exponent[k] - 127), origin = static_cast<double>(node.origin[k]);
+      lo.data[3 * i + static_cast<size_t>(k)] = origin + step * node.lo[k][s];
+      hi.data[3 * i + static_cast<size_t>(k)] = origin + step * node.hi[k][s];
+    }
+  }
+  Output<float> leaf_lo(a.leaves.size(), 3), leaf_hi(a.leaves.size(), 3);
+  Output<int32_t> leaf_instance(a.leaves.size()), roots(a.instances.size() + 1);
+  for (size_t i = 0; i < a.leaves.size(); ++i) {
+    const Bounds b = leaf_bounds(scene.view().geometry, a.leaves[i]);
+    leaf_lo.set(i, b.lo), leaf_hi.set(i, b.hi);
+    const bool instance = a.leaves[i].kind() == PrimitiveKind::Instance;
+    leaf_instance.data[i] = instance ? static_cast<int32_t>(a.leaves[i].object) : -1;
+  }
+  for (size_t i = 0; i < a.instances.size(); ++i) roots.data[i + 1] = static_cast<int32_t>(a.instances[i].root);
+  nb::dict d;
+  d["lo"] = lo.array(), d["hi"] = hi.array(), d["index"] = index.array(), d["count"] = count.array();
+  d["leaf_lo"] = leaf_lo.array(), d["leaf_hi"] = leaf_hi.array(), d["leaf_instance"] = leaf_instance.array();
+  d["roots"] = roots.array();
+  return d;
+}
+
+}  // namespace
+
+void register_testing_trace(nb::module_& m) {
+  m.attr("traversal_stack") = kTraversalStack;
+  m.def("cpu_isa", [] { return std::string(cpu_kernels().isa); });
+  m.def("trace", &trace_rays, nb::arg("scene"), nb::arg("method"), nb::arg("origins"), nb::arg("directions"),
+        nb::arg("t_max"), nb::arg("time"), nb::arg("any"));
+  m.def("surfaces", &surfaces, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("time"),
+        nb::arg("t"), nb::arg("u"), nb::arg("v"), nb::arg("leaf"), nb::arg("instance"));
+  m.def("offset_origins", &offset_origins, nb::arg("p"), nb::arg("error"), nb::arg("n"), nb::arg("w"));
+  m.def("count_visits", &count_visits, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("t_max"),
+        nb::arg("time"));
+  m.def("tree", &tree, nb::arg("scene"));
+}
+
+}  // namespace destello
