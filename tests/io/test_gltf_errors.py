@@ -343,3 +343,13 @@ def test_image_too_large_for_its_bytes(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="16383 x 16383 texels cannot be in") as caught:
         load(g.glb(tmp_path))
     assert caught.value.place == "images[0]"
+
+
+def test_pose_that_overflows(tmp_path: Path) -> None:
+    g = Gltf()
+    targets = [{"POSITION": g.accessor(np.full((4, 3), 3e38, np.float32))}]
+    mesh = g.mesh({"POSITION": g.accessor(QUAD)}, g.accessor(QUAD_INDICES), targets=targets)
+    g.node(mesh=mesh, weights=[2])
+    with pytest.raises(FormatError, match="posed vertex 0 is not finite") as caught:
+        load(g.glb(tmp_path))
+    assert caught.value.place == "meshes[0].primitives[0]"

@@ -193,6 +193,7 @@ class Meshes:
 
     # --- poses --------------------------------------------------------------------------------------------------------
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is found at the end
     def _bend(self, primitive: _Primitive, pose: Pose) -> None:
         """Applies morph targets and skin to positions and normals."""
         data = primitive.data

@@ -125,7 +125,8 @@ class Placer:
             parts.get(key, np.tile(default, (n, 1)))
             for key, default in (("TRANSLATION", (0.0,) * 3), ("ROTATION", (0.0, 0.0, 0.0, 1.0)), ("SCALE", (1.0,) * 3))
         )
-        return [world @ _compose(node, move[i], turn[i], size[i]) for i in range(n)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return [world @ _compose(node, move[i], turn[i], size[i]) for i in range(n)]
 
     # --- meshes -------------------------------------------------------------------------------------------------------
 
@@ -170,6 +171,7 @@ class Placer:
             else:
                 self.scene.add(shape.replace(name=name))
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is found in the posed vertices
     def _pose(self, node: Item, mesh: Item) -> Pose | None:
         """How the node bends its mesh; None if it does not, so that the mesh may be shared."""
         skin = self.document.refer(node, "skin", "skins")
