@@ -30,6 +30,13 @@ void check_invertible(const Transform& t) {
 
 bool is_degenerate(Vec3 a, Vec3 b, Vec3 c) { return is_black(cross(b - a, c - a)) || !is_finite(cross(b - a, c - a)); }
 
+// Position of the corner opposite the longest edge. Triangles start with it (in unchanged orientation): the normal, as the
+// cross product of the two edges that meet there, is then as precise as can be, slivers included.
+uint32_t widest_corner(Vec3 a, Vec3 b, Vec3 c) {
+  const float bc = length_squared(c - b), ca = length_squared(a - c), ab = length_squared(b - a);
+  return bc >= ca && bc >= ab ? 0 : ca >= ab ? 1 : 2;
+}
+
 void check_finite(const std::vector<Vec3>& points, const char* what) {
   for (size_t i = 0; i < points.size(); ++i)
     if (!is_finite(points[i])) fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
@@ -201,7 +208,9 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     const uint32_t* t = mesh.indices.data() + i;
     const bool flat = is_degenerate(mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]);
-    if (!flat || !mesh.positions_end.empty()) kept.insert(kept.end(), t, t + 3);
+    if (flat && mesh.positions_end.empty()) continue;
+    const uint32_t first = widest_corner(mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]);
+    for (uint32_t k = 0; k < 3; ++k) kept.push_back(t[(first + k) % 3]);
   }
   *dropped = static_cast<uint32_t>((mesh.indices.size() - kept.size()) / 3);
   scene_->stats_.dropped += *dropped;
