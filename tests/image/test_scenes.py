@@ -23,8 +23,22 @@ SETTINGS = {
     "book3": (600, 600, 1000, 50),
 }
 
-# Mean linear RGB of the picture, from runs of at least 4096 samples a pixel at 64 pixels' width.
-MEANS: dict[str, tuple[float, float, float]] = {}
+# Mean linear RGB of the picture, from 2048 samples a pixel at 64 pixels' width. With 64 samples, four seeds came within
+# 0.5% of these (1% for book3, whose glass makes a caustic).
+MEANS = {
+    "origin": (0.5697, 0.6909, 0.5322),
+    "book1": (0.3066, 0.3531, 0.4403),
+    "book2-bouncing": (0.3293, 0.3784, 0.4397),
+    "book2-checkered": (0.2944, 0.3705, 0.3808),
+    "book2-earth": (0.4832, 0.5531, 0.6872),
+    "book2-perlin": (0.3478, 0.3974, 0.4968),
+    "book2-quads": (0.4981, 0.5624, 0.6754),
+    "book2-light": (0.2079, 0.2079, 0.2079),
+    "cornell": (0.1747, 0.1562, 0.1422),
+    "cornell-smoke": (0.5713, 0.5155, 0.4753),
+    "book2": (0.4374, 0.4617, 0.4397),
+    "book3": (0.1864, 0.1647, 0.1509),
+}
 
 
 def build(name):
@@ -156,11 +170,11 @@ def test_compiled_counts(name, triangles, sphere_count, instances):
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_mean_brightness(name):
-    """64 pixels wide; the bounds are those of a converged run, a few deviations of this one apart."""
+    """What a converged run gave, within several times the error that 64 samples were seen to have."""
     picture = render(name, 64, 64)
     assert np.isfinite(picture).all()
     assert picture.min() >= 0
-    np.testing.assert_allclose(picture.mean(axis=(0, 1)), MEANS[name], rtol=0.06, atol=0.002)
+    np.testing.assert_allclose(picture.mean(axis=(0, 1)), MEANS[name], rtol=0.03)
 
 
 def test_cornell_is_green_on_the_left_and_red_on_the_right():
@@ -185,7 +199,7 @@ def test_origin_has_the_mirror_on_the_left_and_sky_above():
     picture = render("origin", 96, 16)
     sky = picture[2, 10]
     assert sky[2] > sky[0]
-    assert sky == pytest.approx(np.array([0.75, 0.85, 1.0]), abs=0.1)
+    assert sky == pytest.approx(np.array([0.633, 0.780, 1.0]), abs=0.01)  # (1, 1, 1) to (0.5, 0.7, 1) at y = 0.469
     mirror = picture[27, 28]  # brass: less blue than red
     assert mirror[0] > 1.5 * mirror[2]
     ground = picture[-3, 48]
