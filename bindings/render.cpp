@@ -205,7 +205,7 @@ class Renderer {
     const auto start = std::chrono::steady_clock::now();
     const RenderCounts n = run(task, film);
     nb::dict out;
-    out["rays"] = n.rays, out["samples"] = n.samples, out["nonfinite"] = n.nonfinite;
+    out["rays"] = n.rays, out["samples"] = n.samples, out["nonfinite"] = n.nonfinite, out["device_seconds"] = n.device_seconds;
     out["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     out["cancelled"] = cancel_.load();
     return out;

@@ -40,7 +40,10 @@ struct Instance {
   uint32_t flipped = 0;    // the transform mirrors: a triangle's world-space vertices wind the other way round
 
   DST_HD Transform world_at(float time) const { return moving ? lerp(to_world, to_world_end, time) : to_world; }
-  DST_HD Transform local_at(float time) const { return moving ? world_at(time).inverse() : to_local; }
+  DST_HD Transform local_at(float time) const { return moving ? moving_local_at(time) : to_local; }
+
+ private:
+  DST_HD DST_COLD Transform moving_local_at(float time) const { return world_at(time).inverse(); }
 };
 
 struct Node8;

@@ -16,6 +16,7 @@ struct RenderCounts {
   uint64_t rays = 0;       // closest-hit and shadow rays traced
   uint64_t samples = 0;    // whole samples
   uint64_t nonfinite = 0;  // samples dropped because arithmetic failed
+  double device_seconds = 0;  // of the render kernels alone; 0 on the CPU
 };
 
 class Backend {

@@ -39,7 +39,7 @@ class CpuBackend final : public Backend {
         const uint32_t rect[4] = {x, y, std::min(x + kTile, c.x1), std::min(y + kTile, c.y1)};
         cpu_kernels().render_tile(&scene_.view(), &task, &film, rect, &cancel, n);
       }
-      *out = {n[0], n[1], n[2]};
+      *out = {n[0], n[1], n[2], 0};
     };
     std::vector<std::thread> threads;
     for (size_t i = 1; i < counts.size(); ++i) threads.emplace_back(work, &counts[i]);

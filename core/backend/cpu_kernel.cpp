@@ -17,6 +17,7 @@ namespace {
 
 // The host's traversal, counting rays.
 struct HostTracer {
+  static constexpr bool kSimple = false;  // branches are cheap here
   static bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<false>(g, ray, hit); }
   static bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<true>(g, ray, hit); }
 };
@@ -34,7 +35,7 @@ void render_sample(const SceneView& scene, const RenderTask& task, uint32_t x, u
   do {
     const Hit hit = trace<HostTracer>(scene, path);
     ++counts[0];
-    shade(scene, task.settings, hit, &path, &shadow, task.settings.aovs ? &aovs : nullptr);
+    shade<HostTracer>(scene, task.settings, hit, &path, &shadow, task.settings.aovs ? &aovs : nullptr);
     if (shadow.wanted) {
       connect<HostTracer>(scene, shadow, &path);
       ++counts[0];

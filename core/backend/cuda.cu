@@ -18,12 +18,33 @@ namespace destello {
 namespace {
 
 constexpr int kThreads = 128;         // per block
+#ifndef DST_MIN_BLOCKS
+#define DST_MIN_BLOCKS 4
+#endif
 constexpr uint32_t kItemSamples = 16;
 constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
 
+// Rays and hits go by value, so that what the caller keeps of them stays in registers.
+__device__ __noinline__ Hit closest_hit(const GeometryView& g, Ray ray) {
+  Hit hit;
+  hit.t = ray.t_max;
+  traverse_groups<false>(g, ray, &hit);
+  return hit;
+}
+__device__ __noinline__ bool any_hit(const GeometryView& g, Ray ray) {
+  Hit hit;
+  hit.t = ray.t_max;
+  return traverse_groups<true>(g, ray, &hit);
+}
+
+template <bool kSimpleScene>
 struct DeviceTracer {
-  static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_groups<false>(g, ray, hit); }
-  static __device__ bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_groups<true>(g, ray, hit); }
+  static constexpr bool kSimple = kSimpleScene;
+  static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
+    *hit = closest_hit(g, ray);
+    return hit->found();
+  }
+  static __device__ bool any(const GeometryView& g, const Ray& ray, Hit*) { return any_hit(g, ray); }
 };
 
 struct KernelCounts {
@@ -80,28 +101,33 @@ struct ThreadSums {
   }
 };
 
-template <bool kAovs>
-__global__ void __launch_bounds__(kThreads) render_kernel(const __grid_constant__ KernelParams p) {
+// kSimple: SceneView::simple. kAovs: record features of the first hit.
+template <bool kSimple, bool kAovs>
+__global__ void __launch_bounds__(kThreads, DST_MIN_BLOCKS) render_kernel(const __grid_constant__ KernelParams p) {
+  using Tracer = DeviceTracer<kSimple>;
   __shared__ double film_columns[kFilmChannels][kThreads];
   __shared__ double aov_columns[kAovs ? kAovChannels : 1][kThreads];
   const ThreadSums film{film_columns}, features{aov_columns};
-  unsigned long long rays = 0, samples = 0, nonfinite = 0;
+  unsigned rays = 0, samples = 0, nonfinite = 0;
   Item item;
   Path path;
+  path.alive = false;
   SampleAovs aovs;
-  bool running = next_item(p, &item);
-  if (running) {
-    film.clear(kFilmChannels);
-    if (kAovs) features.clear(kAovChannels);
-    path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample);
-  }
-  while (running) {
-    const Hit hit = trace<DeviceTracer>(p.scene, path);
+  for (;;) {
+    if (!path.alive) {
+      if (item.sample == item.end) {
+        if (!next_item(p, &item)) break;
+        film.clear(kFilmChannels);
+        if (kAovs) features.clear(kAovChannels);
+      }
+      path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample++);
+    }
+    const Hit hit = trace<Tracer>(p.scene, path);
     ++rays;
     ShadowRay shadow;
-    shade(p.scene, p.task.settings, hit, &path, &shadow, kAovs ? &aovs : nullptr);
+    shade<Tracer>(p.scene, p.task.settings, hit, &path, &shadow, kAovs ? &aovs : nullptr);
     if (shadow.wanted) {
-      connect<DeviceTracer>(p.scene, shadow, &path);
+      connect<Tracer>(p.scene, shadow, &path);
       ++rays;
     }
     if (path.alive) continue;
@@ -114,21 +140,14 @@ __global__ void __launch_bounds__(kThreads) render_kernel(const __grid_constant_
       add_aovs(aovs.albedo, aovs.normal, aovs.depth, features);
       aovs = {};
     }
-    if (++item.sample == item.end) {
-      const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
-      film.flush(p.film.sums + pixel * kFilmChannels, kFilmChannels);
-      film.clear(kFilmChannels);
-      if (kAovs) {
-        features.flush(p.film.aovs + pixel * kAovChannels, kAovChannels);
-        features.clear(kAovChannels);
-      }
-      running = next_item(p, &item);
-    }
-    if (running) path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample);
+    if (item.sample < item.end) continue;
+    const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
+    film.flush(p.film.sums + pixel * kFilmChannels, kFilmChannels);
+    if (kAovs) features.flush(p.film.aovs + pixel * kAovChannels, kAovChannels);
   }
-  atomicAdd(&p.counts->rays, rays);
-  atomicAdd(&p.counts->samples, samples);
-  if (nonfinite != 0) atomicAdd(&p.counts->nonfinite, nonfinite);
+  atomicAdd(&p.counts->rays, static_cast<unsigned long long>(rays));
+  atomicAdd(&p.counts->samples, static_cast<unsigned long long>(samples));
+  if (nonfinite != 0) atomicAdd(&p.counts->nonfinite, static_cast<unsigned long long>(nonfinite));
 }
 
 template <class T>
@@ -239,6 +258,7 @@ class CudaBackend final : public Backend {
       total.rays += n.rays;
       total.samples += n.samples;
       total.nonfinite += n.nonfinite;
+      total.device_seconds += seconds;
       p->task.first_sample = p->task.last_sample;
       const double grow = std::min(kSliceSeconds / std::max(seconds, 1e-6), 64.0);
       slice = static_cast<uint32_t>(std::clamp(slice * grow / kItemSamples, 1.0, 65536.0)) * kItemSamples;
@@ -250,7 +270,9 @@ class CudaBackend final : public Backend {
     const uint32_t blocks_of_samples = (p->task.last_sample - p->task.first_sample + kItemSamples - 1) / kItemSamples;
     p->items = static_cast<uint64_t>(p->tile_columns) * p->tile_rows * (kTileWidth * kTileHeight) * blocks_of_samples;
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
-    const auto kernel = p->film.aovs != nullptr ? render_kernel<true> : render_kernel<false>;
+    const auto kernel = p->film.aovs != nullptr ? render_kernel<false, true>
+                        : p->scene.simple     ? render_kernel<true, false>
+                                              : render_kernel<false, false>;
     int resident = 0;
     check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kThreads, 0), "ask for the occupancy");
     const uint64_t wanted = (p->items + kThreads - 1) / kThreads;

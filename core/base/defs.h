@@ -13,6 +13,14 @@
 // Marks free functions that run on host and device.
 #define DST_FN DST_HD inline
 
+// After DST_HD or DST_FN: code off the hot path, kept out of line on the device. A kernel that inlines everything outgrows
+// the instruction cache, and then waits for instructions most of the time (benches/LOG.md).
+#if defined(__CUDACC__)
+#define DST_COLD __noinline__
+#else
+#define DST_COLD
+#endif
+
 // Marks free functions that run on host and device and are big and rarely needed: one copy, called.
 #if defined(__CUDACC__)
 #define DST_NOINLINE __host__ __device__ __noinline__ inline

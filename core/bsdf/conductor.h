@@ -41,16 +41,16 @@ struct Conductor {
   }
   DST_HD bool is_delta() const { return ggx.smooth(); }
 
-  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const {
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const {
     if (is_delta() || wi.z <= 0) return Vec3(0);
     const Vec3 h = normalize(wo + wi);
     return reflected(dot(wo, h)) * (ggx.d(h) * ggx.g2_over_4cos2(wo, wi) * wi.z);
   }
-  DST_HD float pdf(Vec3 wo, Vec3 wi) const {
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const {
     if (is_delta() || wi.z <= 0) return 0;
     return ggx.reflected_pdf(wo, normalize(wo + wi));
   }
-  DST_HD BsdfSample sample(Vec3 wo, float, Vec2 u) const {
+  DST_HD DST_COLD BsdfSample sample(Vec3 wo, float, Vec2 u) const {
     if (is_delta()) return {{-wo.x, -wo.y, wo.z}, reflected(wo.z), 1, kReflection | kDelta};
     const Vec3 h = ggx.sample_visible(wo, u);
     const Vec3 wi = normalize(reflect(wo, h));

@@ -48,7 +48,7 @@ struct Dielectric {
   DST_HD bool is_matched() const { return fabsf(eta - 1.0f) < (ggx.smooth() ? 1e-5f : 1e-3f); }
   DST_HD bool is_delta() const { return ggx.smooth() || is_matched(); }
 
-  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const {
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const {
     Facet f;
     if (is_delta() || !facet(wo, wi, f)) return Vec3(0);
     const float common = ggx.d(f.h) * ggx.g2_over_4cos2(wo, wi) * fabsf(wi.z);
@@ -56,7 +56,7 @@ struct Dielectric {
     // 4 |wo.h| |wi.h| eta^2 / (wo.h + eta wi.h)^2, times 1/eta^2 for radiance
     return tint * ((1.0f - f.reflectance) * common * 4.0f * f.cos_o * f.cos_i / sqr(f.cos_o - eta * f.cos_i));
   }
-  DST_HD float pdf(Vec3 wo, Vec3 wi) const {
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const {
     Facet f;
     if (is_delta() || !facet(wo, wi, f)) return 0;
     const float reflected = ggx.reflected_pdf(wo, f.h), pick = pick_reflection(f.reflectance);

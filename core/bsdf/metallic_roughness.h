@@ -77,7 +77,7 @@ struct MetallicRoughness {
             "colour of the dielectric's reflection head-on")
           .at_least(0));
 
-  DST_HD void prepare(const BsdfContext&) {
+  DST_HD DST_COLD void prepare(const BsdfContext&) {
     ggx = Ggx::from_roughness(roughness);
     const Vec3 layer = min(specular_color * normal_reflectance(ior), Vec3(1)) * specular;
     f0 = lerp(layer, base_color, metallic);
@@ -89,7 +89,7 @@ struct MetallicRoughness {
   }
   DST_HD bool is_delta() const { return ggx.smooth() && is_black(diffuse); }
 
-  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const {
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const {
     if (wi.z == 0) return Vec3(0);
     const Vec3 up = {wi.x, wi.y, fabsf(wi.z)};
     Vec3 f(0);
@@ -100,8 +100,8 @@ struct MetallicRoughness {
     const float g = ggx.d(h) * ggx.g2_over_4cos2(wo, up) * up.z;
     return f + (wi.z > 0 ? fresnel_schlick(cosine, f0, f90) : through * base_passes(cosine)) * g;
   }
-  DST_HD float pdf(Vec3 wo, Vec3 wi) const { return pdf(wo, wi, lobes(wo.z)); }
-  DST_HD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const {
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const { return pdf(wo, wi, lobes(wo.z)); }
+  DST_HD DST_COLD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const {
     const Lobes p = lobes(wo.z);
     if (uc < p.diffuse) return finish(wo, square_to_cosine_hemisphere(u), p, kReflection);
     const bool reflected = uc < p.diffuse + p.reflected;

@@ -22,7 +22,7 @@ DST_FN float uneven_bell(float x, float centre, float left, float right) {
 // component's mean over the range is 1. A path that carries one wavelength drawn by sample_wavelength is multiplied by
 // this, and a material that does not disperse keeps its colour in the mean. Saturated wavelengths lie outside Rec.709,
 // so components may be negative.
-DST_FN Vec3 wavelength_weight(float nm) {
+DST_FN DST_COLD Vec3 wavelength_weight(float nm) {
   const float x = 1.056f * uneven_bell(nm, 599.8f, 37.9f, 31.0f) + 0.362f * uneven_bell(nm, 442.0f, 16.0f, 26.7f) -
                   0.065f * uneven_bell(nm, 501.1f, 20.4f, 26.2f);
   const float y = 0.821f * uneven_bell(nm, 568.8f, 46.9f, 40.5f) + 0.286f * uneven_bell(nm, 530.9f, 16.3f, 31.1f);

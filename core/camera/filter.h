@@ -50,7 +50,7 @@ class FilterTable {
   }
 
   // Draws x with density proportional to |f|, and the sign of f there.
-  DST_HD float sample(float u, float* sign) const {
+  DST_HD DST_COLD float sample(float u, float* sign) const {
     const bool left = u < 0.5f;
     const CdfSample cell = sample_cdf(cdf_, kCells, min(left ? 1.0f - 2.0f * u : 2.0f * u - 1.0f, kOneMinusEpsilon));
     const float a = value_[cell.index], b = value_[cell.index + 1];

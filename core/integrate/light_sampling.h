@@ -53,7 +53,7 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
 }
 
 // Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray.
-DST_FN LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick, Vec2 u) {
+DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick, Vec2 u) {
   const Span<AliasEntry> table = light_table(scene, mode).pick;
   if (table.empty()) return {};
   const uint32_t index = sample_alias(table, u_pick);
@@ -82,12 +82,12 @@ DST_FN float light_weight(LightSampling mode, const LightPick& light, float bsdf
 
 // Weight of light number `light` (of all lights in one row), met by the path's last scattering; light sampling would have
 // drawn that direction with density `light_pdf` after picking the light.
-DST_FN float hit_weight(const SceneView& scene, LightSampling mode, const Path& path, uint32_t light, float light_pdf) {
-  if (path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return 1;
+DST_FN float hit_weight(const SceneView& scene, LightSampling mode, float bsdf_pdf, uint32_t light, float light_pdf) {
+  if (bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return 1;
   const Span<AliasEntry> table = light_table(scene, mode).pick;
   const float pick = light < table.size ? table[light].pdf : 0.0f;
   if (mode == LightSampling::Light) return pick > 0 ? 0.0f : 1.0f;
-  return power_heuristic(path.bsdf_pdf, pick * light_pdf);
+  return power_heuristic(bsdf_pdf, pick * light_pdf);
 }
 
 struct SunRadiance {
@@ -101,33 +101,43 @@ struct SunRadiance {
 };
 
 // Radiance that a path meets when it leaves the scene, weighted.
-DST_FN Vec3 escaped_radiance(const SceneView& scene, LightSampling mode, const Path& path) {
-  const Vec3 d = path.ray.direction;
+DST_FN Vec3 escaped_radiance(const SceneView& scene, LightSampling mode, Vec3 d, float bsdf_pdf) {
   Vec3 sum;
   if (scene.has_environment) {
     const Vec3 radiance = scene.environment.radiance(d, scene.light_data);
-    const bool certain = path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf;
-    const float pdf = certain ? 0.0f : scene.environment.pdf(d, scene.light_data);
-    sum += radiance * hit_weight(scene, mode, path, scene.environment_light(), pdf);
+    // Where the environment is never sampled its density is of no interest.
+    const Span<AliasEntry> table = light_table(scene, mode).pick;
+    const bool sampled = bsdf_pdf != kInfinity && mode != LightSampling::Bsdf && !table.empty() &&
+                         table[scene.environment_light()].pdf > 0;
+    sum += sampled ? radiance * hit_weight(scene, mode, bsdf_pdf, scene.environment_light(),
+                                           scene.environment.pdf(d, scene.light_data))
+                   : radiance;
   }
   for (uint32_t i = 0; i < scene.suns.size; ++i) {
     float pdf = 0;
     const Vec3 radiance = scene.punctual[scene.suns[i]].visit(SunRadiance{d, &pdf});
-    if (!is_black(radiance)) sum += radiance * hit_weight(scene, mode, path, scene.suns[i], pdf);
+    if (!is_black(radiance)) sum += radiance * hit_weight(scene, mode, bsdf_pdf, scene.suns[i], pdf);
   }
   return sum;
 }
 
-// Radiance that the surface emits towards the path, weighted.
-DST_FN Vec3 hit_emission(const SceneView& scene, LightSampling mode, const Path& path, const Surface& s, uint32_t material,
-                         float distance) {
-  const Vec3 w = -path.ray.direction;
-  const Vec3 radiance = emitted_radiance(scene, material, texture_context(s), s.ng, w);
-  if (is_black(radiance) || s.light == kNoIndex) return radiance;
-  if (path.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return radiance;
-  const Vec3 from = s.p + w * (path.travelled + distance);
-  const float pdf = area_light_pdf(scene, scene.area_lights[s.light], from, s.p, s.ng, path.ray.time);
-  return radiance * hit_weight(scene, mode, path, scene.first_area_light() + s.light, pdf);
+// What the weight of an emitter depends on: the last scattering, `distance` back along the ray.
+struct LastScattering {
+  Vec3 direction;  // of the ray
+  float distance;
+  float bsdf_pdf;
+  float time;
+};
+
+// Radiance that a surface emits towards the path, weighted. `light`: its number among the area lights, or kNoIndex.
+DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TextureContext at, Vec3 ng,
+                                  uint32_t material, uint32_t light) {
+  const Vec3 w = -last.direction;
+  const Vec3 radiance = emitted_radiance(scene, material, at, ng, w);
+  if (is_black(radiance) || light == kNoIndex || last.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return radiance;
+  const Vec3 from = at.position + w * last.distance;
+  const float pdf = area_light_pdf(scene, scene.area_lights[light], from, at.position, ng, last.time);
+  return radiance * hit_weight(scene, mode, last.bsdf_pdf, scene.first_area_light() + light, pdf);
 }
 
 }  // namespace destello

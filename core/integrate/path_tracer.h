@@ -3,7 +3,9 @@
 //
 //   generate -> trace -> shade -> connect (if shade wants a shadow ray) -> trace ... until !path.alive
 //
-// `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...).
+// `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...), and
+// static constexpr bool kSimple: the scene has neither media, holes, mixes nor normal maps (SceneView::simple), and the
+// code for them is left out.
 #pragma once
 
 #include "bsdf/spectrum.h"
@@ -61,7 +63,7 @@ DST_FN Hit trace(const SceneView& scene, const Path& path) {
 // --- helpers of shade -------------------------------------------------------------------------------------------------
 
 // Follows mix materials down to one that reflects, at random in proportion to their amounts.
-DST_FN uint32_t resolve_mix(const SceneView& scene, uint32_t material, const TextureContext& context, float u) {
+DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, const TextureContext& context, float u) {
   for (;;) {
     const MaterialRecord& m = scene.materials[material];
     if (!(m.flags & kIsMix)) return material;
@@ -73,7 +75,7 @@ DST_FN uint32_t resolve_mix(const SceneView& scene, uint32_t material, const Tex
   }
 }
 
-DST_FN float surface_opacity(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
+DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
   if (!(m.flags & kHasOpacity)) return 1;
   const Slot& slot = scene.textures.slots[m.surface_slot + kOpacitySlot];
   const float opacity = saturate(eval_slot(slot, context, scene.textures, true).x);
@@ -115,7 +117,7 @@ DST_FN void roulette(const RenderSettings& settings, Path* path) {
 
 // A collision inside the medium that the path is in, if one comes before the hit; else only what the way absorbs.
 // Returns true if the path has scattered (or ended): shade is then done.
-DST_FN bool scatter_in_medium(const SceneView& scene, const RenderSettings& settings, float t_hit, Path* path,
+DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSettings& settings, float t_hit, Path* path,
                               ShadowRay* shadow) {
   const uint32_t current = path->inside.current(scene.interiors);
   if (current == kNoIndex) return false;
@@ -163,12 +165,13 @@ struct ShadingPoint {
   BsdfContext context;
 };
 
+template <class Tracer>
 DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s, const MaterialRecord& m) {
   ShadingPoint p;
   p.surface = s;
   const Vec3 w = -path.ray.direction;
   Vec3 ns = s.ns;
-  if (m.flags & kHasNormalMap) {
+  if (!Tracer::kSimple && (m.flags & kHasNormalMap)) {
     const Slot& slot = scene.textures.slots[m.surface_slot + kNormalSlot];
     ns = apply_normal_map(s, eval_slot(slot, texture_context(s), scene.textures, false), m.normal_scale);
   }
@@ -285,38 +288,41 @@ struct ScatterSurface {
 
 // Handles what the last segment has met: gathers emission, asks for a shadow ray, scatters. Next: connect if
 // shadow->wanted, then trace if path->alive. `aovs` (or null) receives the first hit's features.
+template <class Tracer>
 DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const Hit& hit, Path* path, ShadowRay* shadow,
                   SampleAovs* aovs) {
   shadow->wanted = false;
-  if (scene.has_boundaries && !path->inside.empty()) {
+  if (!Tracer::kSimple && scene.has_boundaries && !path->inside.empty()) {
     shadow->inside = path->inside;
     shadow->crosses = false;
     if (scatter_in_medium(scene, settings, hit.t, path, shadow)) return;
   }
   if (!hit.found()) {
-    path->radiance += path->throughput * escaped_radiance(scene, settings.light_sampling, *path);
+    path->radiance += path->throughput * escaped_radiance(scene, settings.light_sampling, path->ray.direction, path->bsdf_pdf);
     path->alive = false;
     return;
   }
   const Surface s = make_surface(scene, path->ray, hit);
   const TextureContext context = texture_context(s);
   uint32_t index = s.material;
-  if (scene.materials[index].flags & kIsMix)
+  if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
     index = resolve_mix(scene, index, context, path->sampler.get_1d(bounce_dimension(*path, kDimMix)));
   const MaterialRecord& m = scene.materials[index];
-  if (m.flags & kHasOpacity) {
+  if (!Tracer::kSimple && (m.flags & kHasOpacity)) {
     if (path->sampler.get_1d(bounce_dimension(*path, kDimOpacity)) >= surface_opacity(scene, m, context)) {
       pass_straight(path, s, hit.t);
       return;
     }
   }
   if (m.flags & kHasEmission)
-    path->radiance += path->throughput * hit_emission(scene, settings.light_sampling, *path, s, index, hit.t);
+    path->radiance += path->throughput * hit_emission(scene, settings.light_sampling,
+                                                      {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
+                                                      context, s.ng, index, s.light);
   if (path->depth >= settings.max_depth && !(m.flags & kIsInterface)) {
     path->alive = false;
     if (aovs == nullptr || path->first_hit_done) return;
   }
-  ShadingPoint point = make_shading_point(scene, *path, s, m);
+  ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
   if (m.flags & kIsBoundary) {
     const uint32_t beyond = interior_beyond(scene, path->inside, m.interior, s.front);
     const bool hidden = beyond != kNoIndex && scene.interiors[beyond].priority > scene.interiors[m.interior].priority;
@@ -335,7 +341,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   }
   path->first_hit_done = true;
   const bool last = !path->alive;
-  shadow->inside = path->inside;
+  if (!Tracer::kSimple) shadow->inside = path->inside;
   shadow->crosses = false;
   shadow->interior = m.interior;
   shadow->front = s.front;
@@ -350,7 +356,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
 
 // What is left of light along the shadow ray after holes, boundaries and media: 0 if something is in the way.
 template <class Tracer>
-DST_FN Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const Sampler& sampler, uint32_t dimension) {
+DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const Sampler& sampler, uint32_t dimension) {
   InteriorStack inside = shadow.inside;
   if (shadow.crosses) cross_boundary(&inside, shadow.interior, shadow.front);
   Ray ray = shadow.ray;
@@ -382,15 +388,17 @@ DST_FN Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const
 // Adds the light sample to the path if nothing is in its way. Next: trace, if path->alive.
 template <class Tracer>
 DST_FN void connect(const SceneView& scene, const ShadowRay& shadow, Path* path) {
-  if (scene.clear_shadows) {
+  if (Tracer::kSimple || scene.clear_shadows) {
     Hit hit;
     hit.t = shadow.ray.t_max;
     if (!Tracer::any(scene.geometry, shadow.ray, &hit)) path->radiance += shadow.contribution;
     return;
   }
+  if constexpr (!Tracer::kSimple) {
   constexpr uint32_t kShadowDimensions = 0x40000000U;  // far from those of the paths themselves
   const uint32_t dimension = bounce_dimension(*path, kDimMix) + kShadowDimensions;
   path->radiance += shadow.contribution * transmittance<Tracer>(scene, shadow, path->sampler, dimension);
+  }
 }
 
 // --- the end of a sample ----------------------------------------------------------------------------------------------

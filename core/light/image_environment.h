@@ -65,7 +65,7 @@ struct ImageEnvironment {
           .at_least(0)
           .unit("W/(sr m^2)"));
 
-  DST_HD LightSample sample(Vec2 u, const LightData& data) const {
+  DST_HD DST_COLD LightSample sample(Vec2 u, const LightData& data) const {
     const EnvironmentImage& image = data.image;
     const CdfSample row = sample_cdf(image.marginal.data, image.height + 1, u.y);
     const CdfSample column = sample_cdf(conditional(image, row.index), image.width, u.x);
@@ -78,8 +78,8 @@ struct ImageEnvironment {
     const Vec3 wi = equirect_to_direction(uv);
     return {wi, kInfinity, p.radiance() * strength, density(p, row.probability * column.probability, image, wi), false};
   }
-  DST_HD Vec3 radiance(Vec3 wi, const LightData& data) const { return locate(wi, data.image).radiance() * strength; }
-  DST_HD float pdf(Vec3 wi, const LightData& data) const {
+  DST_HD DST_COLD Vec3 radiance(Vec3 wi, const LightData& data) const { return locate(wi, data.image).radiance() * strength; }
+  DST_HD DST_COLD float pdf(Vec3 wi, const LightData& data) const {
     const EnvironmentImage& image = data.image;
     const EnvironmentPatch p = locate(wi, image);
     const float* cdf = conditional(image, p.row) + p.left;

@@ -117,18 +117,16 @@ DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& lig
   if (light.instance != kNoIndex) l.error += abs(l.p) * gamma_bound(8);
   l.ng = n * (1.0f / len);
   if (textured) {
-    Surface s;
-    s.ns = l.ng;
-    interpolate_attributes(scene, object, prim.primitive, b.x, b.y, time, v, &s);
-    l.uv = s.uv;
-    l.color = s.color;
+    const Attributes a = interpolate_attributes(scene, object, prim.primitive, b, time, v);
+    l.uv = a.uv;
+    l.color = a.color;
   }
   l.pdf = area_to_solid_angle(from, l.p, l.ng, 0.5f * len);
   return l;
 }
 
 // Radiance that the material emits at a point towards direction w (away from the surface).
-DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, const TextureContext& context, Vec3 ng, Vec3 w) {
+DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, TextureContext context, Vec3 ng, Vec3 w) {
   const MaterialRecord& m = scene.materials[material];
   if (!(m.flags & kHasEmission) || (dot(ng, w) <= 0 && !(m.flags & kEmissionTwoSided))) return {};
   return eval_slot(scene.textures.slots[m.surface_slot + kEmissionSlot], context, scene.textures, false);

@@ -231,9 +231,11 @@ void SceneBuilder::make_view() {
   v.light_data.image = a.environment.view();
   v.has_environment = has_environment_;
   v.has_boundaries = !a.interiors.empty();
-  v.clear_shadows = std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); }) &&
-                    std::all_of(a.materials.begin(), a.materials.end(),
-                                [](const MaterialRecord& m) { return (m.flags & kOpaqueToShadows) != 0; });
+  const bool vacuum = std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); });
+  uint32_t any = 0, all = ~0u;
+  for (const MaterialRecord& m : a.materials) any |= m.flags, all &= m.flags;
+  v.clear_shadows = vacuum && (all & kOpaqueToShadows);
+  v.simple = v.clear_shadows && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasNormalMap));
 }
 
 // Walks a straight line from p to infinity. An interior that is left without having been entered holds p.

@@ -20,9 +20,18 @@ struct Surface {
 
 DST_FN Vec3 face_towards(Vec3 n, Vec3 v) { return dot(n, v) < 0 ? -n : n; }
 
-// Smooth normals, uvs and colours of a triangle.
-DST_FN void interpolate_attributes(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, float u, float v,
-                                   float time, const TriangleVertices& vertices, Surface* s) {
+// What a mesh's vertices carry, at a point of a triangle.
+struct Attributes {
+  Vec3 ns;                 // any length; 0: none
+  Vec3 tangent;            // direction of growing u; 0: none
+  Vec2 uv;
+  Vec4 color{1, 1, 1, 1};
+};
+
+DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, ObjectRecord object, uint32_t triangle, Vec2 at,
+                                                  float time, TriangleVertices vertices) {
+  const float u = at.x, v = at.y;
+  Attributes s;
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
   const float w = 1.0f - u - v;
   if (object.first_normal != kNoIndex) {
@@ -32,37 +41,39 @@ DST_FN void interpolate_attributes(const SceneView& scene, const ObjectRecord& o
       const Vec3* e = scene.normals + object.first_normal_end;
       ns = lerp(ns, e[index[0]] * w + e[index[1]] * u + e[index[2]] * v, time);
     }
-    if (length_squared(ns) > 0) s->ns = ns;
+    s.ns = ns;
   }
   if (object.first_uv != kNoIndex) {
     const Vec2* t = scene.uvs + object.first_uv;
     const Vec2 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
-    s->uv = ta * w + tb * u + tc * v;
+    s.uv = ta * w + tb * u + tc * v;
     // dp/du from the two edges (pbrt 4, section 6.5.4)
     const Vec2 d1 = tb - ta, d2 = tc - ta;
     const float det = d1.x * d2.y - d1.y * d2.x;
-    if (det != 0) s->tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
+    if (det != 0) s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
   } else {
-    s->uv = {u, v};
+    s.uv = at;
   }
   if (object.first_color != kNoIndex) {
     const Vec4* c = scene.colors + object.first_color;
     const Vec4 ca = c[index[0]], cb = c[index[1]], cc = c[index[2]];
-    s->color = {ca.x * w + cb.x * u + cc.x * v, ca.y * w + cb.y * u + cc.y * v, ca.z * w + cb.z * u + cc.z * v,
-                ca.w * w + cb.w * u + cc.w * v};
+    s.color = {ca.x * w + cb.x * u + cc.x * v, ca.y * w + cb.y * u + cc.y * v, ca.z * w + cb.z * u + cc.z * v,
+               ca.w * w + cb.w * u + cc.w * v};
   }
+  return s;
 }
 
 // From the instance's space to the world.
-DST_FN void place_surface(const Instance& instance, float time, Surface* s) {
+DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surface s) {
   const Transform world = instance.world_at(time), local = instance.local_at(time);
-  const Vec3 p = world.point(s->p);
+  const Vec3 p = world.point(s.p);
   // Own error, carried error, and what the next ray's way back into the instance will add.
-  s->error = world.carried_error(s->error) + world.point_error(abs(s->p)) + world.carried_error(local.point_error(abs(p)));
-  s->p = p;
-  s->ng = normalize(local.transposed_vector(s->ng));
-  s->ns = local.transposed_vector(s->ns);
-  s->tangent = world.vector(s->tangent);
+  s.error = world.carried_error(s.error) + world.point_error(abs(s.p)) + world.carried_error(local.point_error(abs(p)));
+  s.p = p;
+  s.ng = normalize(local.transposed_vector(s.ng));
+  s.ns = local.transposed_vector(s.ns);
+  s.tangent = world.vector(s.tangent);
+  return s;
 }
 
 DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
@@ -92,9 +103,13 @@ DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& h
     s.ng = normalize(cross(v.b - v.a, v.c - v.a));
     if (object.flipped) s.ng = -s.ng;
     s.ns = s.ng;
-    interpolate_attributes(scene, object, prim.primitive, hit.u, hit.v, ray.time, v, &s);
+    const Attributes a = interpolate_attributes(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v);
+    if (length_squared(a.ns) > 0) s.ns = a.ns;
+    s.tangent = a.tangent;
+    s.uv = a.uv;
+    s.color = a.color;
   }
-  if (instanced) place_surface(*instance, ray.time, &s);
+  if (instanced) s = place_surface(*instance, ray.time, s);
   s.ns = face_towards(normalize(s.ns), s.ng);
   s.front = dot(ray.direction, s.ng) < 0;
   return s;
