@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,13 +93,7 @@ class Assets:
         except OSError as error:
             raise FormatError(f"cannot be read ({error.strerror or error})", file=path, place=place) from error
 
-
-def mesh_loader(scene: Scene, assets: Assets | None = None) -> Callable[[Node], Scene]:
-    """What `geometry.scene_bounds` needs to see into mesh files; missing ones count as empty."""
-    source = assets or Assets(scene, allow_missing=True)
-
-    def load(shape: Node) -> Scene:
-        found = source.mesh_file(shape)
+    def mesh_scene(self, shape: Node, place: str) -> Scene:
+        """The scene in the file of a mesh_file shape, empty if it is missing: what `geometry.scene_bounds` asks for."""
+        found = self.mesh_file(shape, place)
         return Scene() if found is None else found.scene
-
-    return load

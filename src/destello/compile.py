@@ -65,9 +65,9 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None) ->
 
     scene.validate()
     scene = scene.copy()
-    ensure_camera(scene)
-    ensure_light(scene)
     assets = Assets(scene, allow_missing=allow_missing, base_dir=base_dir)
+    ensure_camera(scene, assets.mesh_scene)
+    ensure_light(scene, assets.mesh_scene)
     builder = HashingBuilder(_core.SceneBuilder())
     compiler = SceneCompiler(builder, assets)
     compiler.scene(scene)

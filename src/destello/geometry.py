@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
     Points = NDArray[np.float64]
 
+Box = tuple[Any, Any] | None
+MeshLoader = Callable[[Node, str], "Scene"]
+
 # A unit cube's faces: four corners each, counter-clockwise seen from outside.
 _BOX_FACES = (
     ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
@@ -58,19 +61,19 @@ def _box(shape: Node) -> Mapping[str, Array]:
 # --- bounds -----------------------------------------------------------------------------------------------------------
 
 
-def scene_bounds(scene: Scene, load_file: Callable[[Node], Scene] | None = None) -> tuple[Points, Points] | None:
+def scene_bounds(scene: Scene, load_file: MeshLoader | None = None) -> tuple[Points, Points] | None:
     """Least and greatest corner (3,) of all shapes over the whole shutter, in metres; None without any.
 
-    `load_file` gives the scene in a mesh_file's file; without it such shapes are left out.
+    `load_file(shape, place)` gives the scene in a mesh_file's file; without it such shapes are left out.
     """
-    boxes = {name: _merge(_shape_box(s, {}, load_file) for s in group.shapes) for name, group in scene.groups.items()}
-    return _merge(_shape_box(shape, boxes, load_file) for shape in scene.shapes)
+    boxes: dict[str, Box] = {}
+    for name, group in scene.groups.items():
+        members = enumerate(group.shapes)
+        boxes[name] = _merge(_shape_box(shape, f"groups.{name}[{i}]", {}, load_file) for i, shape in members)
+    return _merge(_shape_box(shape, f"shapes[{i}]", boxes, load_file) for i, shape in enumerate(scene.shapes))
 
 
-Box = tuple[Any, Any] | None
-
-
-def _shape_box(shape: Node, groups: Mapping[str, Box], load_file: Callable[[Node], Scene] | None) -> Box:
+def _shape_box(shape: Node, place: str, groups: Mapping[str, Box], load_file: MeshLoader | None) -> Box:
     """A shape's bounds where it stands; an instance's are its group's, moved."""
     if shape.type == "sphere":
         centers = np.array([shape["center"], shape["center1"] or shape["center"]], np.float64)
@@ -82,7 +85,7 @@ def _shape_box(shape: Node, groups: Mapping[str, Box], load_file: Callable[[Node
     if shape.type == "instance":
         own = groups.get(shape["group"])
     elif shape.type == "mesh_file":
-        own = scene_bounds(load_file(shape), load_file) if load_file else None
+        own = scene_bounds(load_file(shape, place)) if load_file else None
     else:
         arrays = mesh_arrays(shape)
         return _merge(

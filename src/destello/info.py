@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.assets import Assets, mesh_loader
+from destello.assets import Assets
 from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.nodes import Node
@@ -36,7 +36,7 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     assets = Assets(scene, allow_missing=True)
     counts = _Counts(scene, assets)
     images = _images(scene.textures(), assets)
-    box = scene_bounds(scene, mesh_loader(scene, assets))
+    box = scene_bounds(scene, assets.mesh_scene)
     nodes = [*scene.nodes()]
     return {
         "name": scene.name,

@@ -136,10 +136,10 @@ class Scene:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Least and greatest corner (3,) of all shapes in metres, over the whole shutter; None if there is nothing."""
-        from destello.assets import mesh_loader
+        from destello.assets import Assets
         from destello.geometry import scene_bounds
 
-        return scene_bounds(self, mesh_loader(self))
+        return scene_bounds(self, Assets(self, allow_missing=True).mesh_scene)
 
     def info(self) -> dict[str, Any]:
         """What is in the scene, as plain data: see `destello.info.scene_info`."""

@@ -46,8 +46,8 @@ def test_paths_outside(tmp_path: Path) -> None:
     base = tmp_path / "scene"
     base.mkdir()
     (tmp_path / "secret.txt").write_text("x")
-    os.symlink(tmp_path / "secret.txt", base / "link.txt")
-    os.symlink(tmp_path, base / "folder")
+    (base / "link.txt").symlink_to(tmp_path / "secret.txt")
+    (base / "folder").symlink_to(tmp_path)
     files = ResolvedFiles(base, scene_file=base / "s.yaml")
     outside = ["../secret.txt", str(tmp_path / "secret.txt"), "link.txt", "folder/secret.txt", "/etc/passwd", "../gone"]
     for name in outside:
@@ -63,8 +63,8 @@ def test_paths_outside(tmp_path: Path) -> None:
 
 
 def test_missing_files_are_told_together(tmp_path: Path) -> None:
-    os.symlink(tmp_path / "loop2", tmp_path / "loop1")
-    os.symlink(tmp_path / "loop1", tmp_path / "loop2")
+    (tmp_path / "loop1").symlink_to(tmp_path / "loop2")
+    (tmp_path / "loop2").symlink_to(tmp_path / "loop1")
     files = ResolvedFiles(tmp_path)
     names = ["a.png", "b.png", "", "x" * 5000, "nul\0.png", "loop1", "\ud800"]
     for name in [*names, "a.png"]:

@@ -112,7 +112,11 @@ def _names(scene: Scene) -> dict[int, str]:
     roots = [*scene.cameras.values(), *scene.lights, *(shape for _, shape in scene.all_shapes())]
     roots += [node for node in (scene.environment, scene.film.filter) if node is not None]
     nodes = list(scene.nodes())
-    uses = Counter(id(node) for node in roots) + Counter(id(child) for node in nodes for child in node.children())
+    written = Counter(id(node) for node in roots)  # a shape that stands in two places is written twice
+    uses: Counter[int] = Counter()
+    for node in nodes:
+        for child in node.children():
+            uses[id(child)] += max(1, written[id(node)])
     names: dict[int, str] = {}
     taken: set[tuple[str, str]] = set()
     for node in nodes:

@@ -58,7 +58,7 @@ def _read_text(path: Path) -> str:
 
 def _located(error: InputError, path: Path, text: str) -> Error:
     """The error with file, and with the line of its place."""
-    here = [problem for problem in error.problems if problem.file is None]
+    here = [problem for problem in error.problems if problem.file in (None, str(path))]
     lines = lines_of(text, [problem.place for problem in here[:MOST_LOCATED] if problem.place])
     for problem in here:
         problem.file = str(path)
