@@ -396,3 +396,13 @@ def test_truncated_image(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="embedded image") as caught:
         material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
     assert "destello-" not in str(caught.value)  # no temporary file's name
+
+
+@pytest.mark.parametrize(("strength", "sky"), [(None, True), (5.0, False)])
+def test_small_lamps_do_not_light_a_scene(strength: float | None, sky: bool, tmp_path: Path) -> None:
+    """An emissive texture is mostly black: without a sky as well, the picture would be."""
+    g = Gltf()
+    extra = {} if strength is None else {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
+    values = {"emissiveTexture": {"index": texture_of(g, tmp_path)}, "emissiveFactor": [1, 1, 1], "extensions": extra}
+    g.node(mesh=g.quad(material=g.add("materials", **values)))
+    assert (load(g.glb(tmp_path)).environment is not None) == sky
