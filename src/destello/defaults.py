@@ -60,4 +60,6 @@ def _glows(material: Node) -> bool:
     if material.type in _GLOWING:
         return True
     emission = material.params.get("emission")
-    return isinstance(emission, Node) or (emission is not None and any(emission))
+    if isinstance(emission, Node):  # a texture: the lamps on an instrument, unless it is brighter than any image
+        return emission.type == "scaled" and max(emission["scale"]) > 1
+    return emission is not None and any(emission)
