@@ -182,7 +182,9 @@ nb::dict count_visits(const Scene& scene, const Rows& origins, const Rows& direc
       ++nodes.data[i];
       float near[8];
       const uint32_t mask = test.hits(g.nodes[e.index], hit.t, near);
-      top = push_children(g.nodes[e.index], mask, near, stack, top);
+      if (mask == 0) continue;
+      const HostEntry nearest = nearest_child(g.nodes[e.index], mask, near, stack, &top);
+      stack[top++] = nearest;
     }
   }
   nb::dict d;

@@ -172,6 +172,7 @@ class Collapser {
 
  private:
   static constexpr uint32_t kNone = 0xffffffffU;
+  static constexpr float kBlur = 2.0f;
 
   // Opens the largest child until there are eight; subtrees that fit a leaf are opened last.
   uint32_t choose_children(uint32_t root, uint32_t* children) const {
@@ -187,7 +188,7 @@ class Collapser {
       int best = -1;
       for (uint32_t i = 0; i < count; ++i) {
         const BinaryNode& n = nodes[children[i]];
-        if (n.count == 1) continue;
+        if (n.count == 1 || blurs(nodes[root].bounds, n)) continue;
         if (best < 0) {
           best = static_cast<int>(i);
           continue;
@@ -202,6 +203,19 @@ class Collapser {
       children[count++] = nodes[opened].right;
     }
     return count;
+  }
+
+  // True if the parent's grid is too coarse for n's children: rounded outwards to it they would be hit far more often than
+  // they deserve, as happens beside something huge. n then stays a child, with a grid of its own inside.
+  bool blurs(const Bounds& parent, const BinaryNode& n) const {
+    if (n.count <= kMaxLeafPrimitives) return false;
+    const Vec3 quantum = parent.extent() * (1.0f / 128);
+    const auto inflated = [&](const Bounds& b) {
+      const Vec3 e = b.extent() + quantum;
+      return e.x * e.y + e.y * e.z + e.z * e.x;
+    };
+    const Bounds &a = binary_.nodes()[n.left].bounds, &b = binary_.nodes()[n.right].bounds;
+    return inflated(a) + inflated(b) > kBlur * (a.half_area() + b.half_area());
   }
 
   // Greedy assignment of children to the octants in which they lie (Ylitie et al. 2017, section 3.2).

@@ -47,6 +47,7 @@ struct Instance {
 };
 
 struct Node8;
+struct SphereBlock;
 
 struct GeometryView {
   const Node8* nodes = nullptr;  // node 0 is the root of the world
@@ -54,6 +55,10 @@ struct GeometryView {
   const Instance* instances = nullptr;
   const TriangleVertices* moving = nullptr;
   uint32_t has_instances = 0;
+  // Host only: see sphere_blocks.h.
+  uint32_t only_blocks = 0;                         // 1: every leaf primitive is in a block
+  const SphereBlock* blocks = nullptr;
+  const uint32_t* blocks_of_node = nullptr;         // position of the first << 2 | number of them (0-3); null: no blocks
 };
 
 // The vertices of a (moving) triangle at a time.

@@ -1,55 +1,134 @@
 // Traversal for one ray at a time on a host core: children sorted by distance, all eight boxes tested at once where the
-// processor has AVX2. Twin of traverse_groups in bvh.h; the same tree, the same hits.
+// processor has AVX2, and so all eight spheres of a block. Twin of traverse_groups in bvh.h; the same tree, the same hits.
 #pragma once
 
 #if defined(__AVX2__)
 #include <immintrin.h>
 #endif
 
-#include "accel/bvh.h"
+#include <cstddef>
+#include <utility>
+
+#include "accel/sphere_blocks.h"
 
 namespace destello {
 
 // The ray as the node test wants it.
 struct HostNodeTest {
+#if defined(__AVX2__)
+  __m128 origin, reciprocal;  // x, y, z, 0
+  uint32_t near[3], far[3];   // where in a node the bytes of the planes met first and last begin
+#else
   Vec3 origin, reciprocal;
+#endif
 
-  static HostNodeTest make(Vec3 origin, Vec3 direction) { return {origin, safe_reciprocal(direction)}; }
-  // Bit i: child slot i is hit, at distance near[i].
+  static HostNodeTest make(Vec3 origin, Vec3 direction);
+  // Bit i: child slot i is hit, at distance near[i]. Empty slots may count as hit.
+  uint32_t boxes(const Node8& node, float t_max, float* near) const;
+  // The same, without empty slots.
   uint32_t hits(const Node8& node, float t_max, float* near) const;
 };
 
 #if defined(__AVX2__)
 
+inline HostNodeTest HostNodeTest::make(Vec3 o, Vec3 d) {
+  HostNodeTest t;
+  const Vec3 r = safe_reciprocal(d);
+  t.origin = _mm_setr_ps(o.x, o.y, o.z, 0);
+  t.reciprocal = _mm_setr_ps(r.x, r.y, r.z, 0);
+  for (uint32_t k = 0; k < 3; ++k) {
+    const uint32_t lo = offsetof(Node8, lo) + 8 * k, hi = offsetof(Node8, hi) + 8 * k;
+    const bool positive = (k == 0 ? r.x : k == 1 ? r.y : r.z) >= 0;
+    t.near[k] = positive ? lo : hi;
+    t.far[k] = positive ? hi : lo;
+  }
+  return t;
+}
+
 inline __m256 load_bytes(const uint8_t* p) {
   return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p))));
 }
 
-inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) const {
-  const auto axis = [&](int k, float o, float r, float node_origin, __m256* tn, __m256* tf) {
-    const __m256 scale = _mm256_set1_ps(bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23) * r);
-    const __m256 bias = _mm256_set1_ps((node_origin - o) * r);
-    const uint8_t* a = r >= 0 ? node.lo[k] : node.hi[k];
-    const uint8_t* b = r >= 0 ? node.hi[k] : node.lo[k];
-    *tn = _mm256_fmadd_ps(load_bytes(a), scale, bias);
-    *tf = _mm256_fmadd_ps(load_bytes(b), scale, bias);
-  };
-  __m256 nx, ny, nz, fx, fy, fz;
-  axis(0, origin.x, reciprocal.x, node.origin.x, &nx, &fx);
-  axis(1, origin.y, reciprocal.y, node.origin.y, &ny, &fy);
-  axis(2, origin.z, reciprocal.z, node.origin.z, &nz, &fz);
+inline uint32_t HostNodeTest::boxes(const Node8& node, float t_max, float* near_out) const {
+  const uint8_t* bytes = reinterpret_cast<const uint8_t*>(&node);
+  const __m128i head = _mm_load_si128(reinterpret_cast<const __m128i*>(bytes));  // origin, exponents
+  const __m128 corner = _mm_blend_ps(_mm_castsi128_ps(head), _mm_setzero_ps(), 8);
+  const __m128i exponents = _mm_slli_epi32(_mm_cvtepu8_epi32(_mm_srli_si128(head, 12)), 23);
+  const __m128 scale = _mm_mul_ps(_mm_blend_ps(_mm_castsi128_ps(exponents), _mm_setzero_ps(), 8), reciprocal);
+  const __m128 bias = _mm_mul_ps(_mm_sub_ps(corner, origin), reciprocal);
+  const auto plane = [&](uint32_t offset, __m256 s, __m256 b) { return _mm256_fmadd_ps(load_bytes(bytes + offset), s, b); };
+  const __m256 sx = _mm256_broadcastss_ps(scale), bx = _mm256_broadcastss_ps(bias);
+  const __m256 sy = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0x55)), by = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0x55));
+  const __m256 sz = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0xaa)), bz = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0xaa));
+  const __m256 nx = plane(near[0], sx, bx), fx = plane(far[0], sx, bx);
+  const __m256 ny = plane(near[1], sy, by), fy = plane(far[1], sy, by);
+  const __m256 nz = plane(near[2], sz, bz), fz = plane(far[2], sz, bz);
   const __m256 tn = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, _mm256_setzero_ps()));
   const __m256 tf = _mm256_min_ps(
       _mm256_mul_ps(_mm256_min_ps(_mm256_min_ps(fx, fy), fz), _mm256_set1_ps(kRobustFar)), _mm256_set1_ps(t_max));
-  _mm256_storeu_ps(near, tn);
+  _mm256_storeu_ps(near_out, tn);
+  return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(tn, tf, _CMP_LE_OQ)));
+}
+
+inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near_out) const {
   const __m128i meta = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(node.meta));
   const uint32_t empty = static_cast<uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(meta, _mm_setzero_si128())));
-  return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(tn, tf, _CMP_LE_OQ))) & ~empty;
+  return boxes(node, t_max, near_out) & ~empty;
+}
+
+// The nearest hit with a sphere of the block before *t: moves *t there and returns its lane, else -1. Operation by
+// operation what intersect_sphere does.
+inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
+  const __m256 dx = _mm256_set1_ps(ray.direction.x), dy = _mm256_set1_ps(ray.direction.y), dz = _mm256_set1_ps(ray.direction.z);
+  __m256 cx = _mm256_load_ps(block.x), cy = _mm256_load_ps(block.y), cz = _mm256_load_ps(block.z);
+  if (block.moving != 0) {
+    const __m256 time = _mm256_set1_ps(ray.time);
+    cx = _mm256_add_ps(cx, _mm256_mul_ps(_mm256_load_ps(block.dx), time));
+    cy = _mm256_add_ps(cy, _mm256_mul_ps(_mm256_load_ps(block.dy), time));
+    cz = _mm256_add_ps(cz, _mm256_mul_ps(_mm256_load_ps(block.dz), time));
+  }
+  const auto dot8 = [](__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
+    return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(ax, bx), _mm256_mul_ps(ay, by)), _mm256_mul_ps(az, bz));
+  };
+  const __m256 fx = _mm256_sub_ps(_mm256_set1_ps(ray.origin.x), cx);
+  const __m256 fy = _mm256_sub_ps(_mm256_set1_ps(ray.origin.y), cy);
+  const __m256 fz = _mm256_sub_ps(_mm256_set1_ps(ray.origin.z), cz);
+  const __m256 sign = _mm256_set1_ps(-0.0f), zero = _mm256_setzero_ps();
+  const __m256 a = _mm256_set1_ps(length_squared(ray.direction));
+  const __m256 b = _mm256_xor_ps(dot8(fx, fy, fz, dx, dy, dz), sign);
+  const __m256 s = _mm256_div_ps(b, a);
+  const __m256 gx = _mm256_add_ps(fx, _mm256_mul_ps(dx, s)), gy = _mm256_add_ps(fy, _mm256_mul_ps(dy, s)),
+               gz = _mm256_add_ps(fz, _mm256_mul_ps(dz, s));
+  const __m256 r = _mm256_load_ps(block.radius), r2 = _mm256_mul_ps(r, r);
+  const __m256 discriminant = _mm256_sub_ps(r2, dot8(gx, gy, gz, gx, gy, gz));
+  const __m256 crossed = _mm256_cmp_ps(discriminant, zero, _CMP_GE_OQ);
+  if (_mm256_movemask_ps(crossed) == 0) return -1;
+  const __m256 c = _mm256_sub_ps(dot8(fx, fy, fz, fx, fy, fz), r2);
+  const __m256 root = _mm256_sqrt_ps(_mm256_mul_ps(a, discriminant));
+  const __m256 q = _mm256_add_ps(b, _mm256_or_ps(root, _mm256_and_ps(b, sign)));
+  const __m256 t0 = _mm256_div_ps(c, q), t1 = _mm256_div_ps(q, a);
+  const __m256 near = _mm256_min_ps(t0, t1), far = _mm256_max_ps(t0, t1);
+  const __m256 t = _mm256_blendv_ps(far, near, _mm256_cmp_ps(near, zero, _CMP_GT_OQ));
+  const __m256 valid = _mm256_and_ps(_mm256_and_ps(crossed, _mm256_cmp_ps(t, zero, _CMP_GT_OQ)),
+                                     _mm256_cmp_ps(t, _mm256_set1_ps(*t_hit), _CMP_LT_OQ));
+  uint32_t mask = static_cast<uint32_t>(_mm256_movemask_ps(valid));
+  alignas(32) float ts[8];
+  _mm256_store_ps(ts, t);
+  int lane = -1;
+  for (; mask != 0; mask &= mask - 1) {
+    const int i = __builtin_ctz(mask);
+    if (!(ts[i] < *t_hit)) continue;
+    *t_hit = ts[i];
+    lane = i;
+  }
+  return lane;
 }
 
 #else
 
-inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) const {
+inline HostNodeTest HostNodeTest::make(Vec3 o, Vec3 d) { return {o, safe_reciprocal(d)}; }
+
+inline uint32_t HostNodeTest::boxes(const Node8& node, float t_max, float* near) const {
   uint32_t mask = 0;
   const float o[3] = {origin.x, origin.y, origin.z}, r[3] = {reciprocal.x, reciprocal.y, reciprocal.z};
   const float n[3] = {node.origin.x, node.origin.y, node.origin.z};
@@ -67,9 +146,28 @@ inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) 
   }
   for (uint32_t i = 0; i < 8; ++i) {
     near[i] = tn[i];
-    if (node.meta[i] != 0 && tn[i] <= min(tf[i] * kRobustFar, t_max)) mask |= 1u << i;
+    if (tn[i] <= min(tf[i] * kRobustFar, t_max)) mask |= 1u << i;
   }
   return mask;
+}
+
+inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) const {
+  uint32_t mask = boxes(node, t_max, near);
+  for (uint32_t i = 0; i < 8; ++i)
+    if (node.meta[i] == 0) mask &= ~(1u << i);
+  return mask;
+}
+
+inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
+  int lane = -1;
+  for (uint32_t i = 0; i < block.count; ++i) {
+    const Vec3 center = Vec3(block.x[i], block.y[i], block.z[i]) + Vec3(block.dx[i], block.dy[i], block.dz[i]) * ray.time;
+    const float t = intersect_sphere(ray.origin, ray.direction, *t_hit, center, block.radius[i]);
+    if (t == kInfinity) continue;
+    *t_hit = t;
+    lane = static_cast<int>(i);
+  }
+  return lane;
 }
 
 #endif
@@ -89,68 +187,97 @@ inline HostEntry host_child(const Node8& node, uint32_t slot, float near) {
   return {node.first_leaf + (meta & 0x1fu), static_cast<uint32_t>(count_bits(meta >> 5)), near};
 }
 
-// Pushes the children in `mask`, farthest first, and returns the new height.
-inline int push_children(const Node8& node, uint32_t mask, const float* near, HostEntry* stack, int top) {
-  const int first = top;
-  while (mask != 0) {
+// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first.
+inline HostEntry nearest_child(const Node8& node, uint32_t mask, const float* near, HostEntry* stack, int* top) {
+  const auto next = [&] {
     const uint32_t slot = static_cast<uint32_t>(__builtin_ctz(mask));
     mask &= mask - 1;
-    const HostEntry e = host_child(node, slot, near[slot]);
-    int i = top++;
+    return host_child(node, slot, near[slot]);
+  };
+  HostEntry best = next();
+  const int first = *top;
+  while (mask != 0) {
+    HostEntry e = next();
+    if (e.near < best.near) std::swap(e, best);
+    int i = (*top)++;
     for (; i > first && stack[i - 1].near < e.near; --i) stack[i] = stack[i - 1];
     stack[i] = e;
   }
-  return top;
+  return best;
+}
+
+// kOnlyBlocks: the scene is as GeometryView::only_blocks says, and the code for all else is left out.
+template <bool kAny, bool kOnlyBlocks>
+inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
+  HostEntry stack[kTraversalStack * 8];
+  int top = 0, floor = 0;
+  uint32_t instance = Hit::kNone;
+  bool found = false;
+  LocalRay local = kOnlyBlocks ? LocalRay{ray.origin, ray.direction, {}, ray.time} : LocalRay::make(ray.origin, ray.direction, ray.time);
+  HostNodeTest test = HostNodeTest::make(ray.origin, ray.direction);
+  HostEntry e = {0, 0, 0.0f};
+  for (;;) {
+    if (kOnlyBlocks || e.count == 0) {
+      const Node8& node = g.nodes[e.index];
+      const uint32_t blocks = kOnlyBlocks || g.blocks_of_node != nullptr ? g.blocks_of_node[e.index] : 0;
+      for (uint32_t i = 0; i < (blocks & 3); ++i) {
+        const SphereBlock& block = g.blocks[(blocks >> 2) + i];
+        const int lane = intersect_block(block, local, &hit->t);
+        if (lane < 0) continue;
+        hit->leaf = block.first + static_cast<uint32_t>(lane);
+        hit->instance = instance;
+        found = true;
+        if (kAny) return true;
+      }
+      uint32_t mask = 0;
+      alignas(32) float near[8];
+      if (kOnlyBlocks || blocks != 0) {
+        if (node.inner_mask != 0) mask = test.boxes(node, hit->t, near) & node.inner_mask;
+      } else {
+        mask = test.hits(node, hit->t, near);
+      }
+      if (mask != 0) {
+        e = nearest_child(node, mask, near, stack, &top);
+        continue;
+      }
+    } else if (g.leaves[e.index].kind() != PrimitiveKind::Instance) {
+      if (intersect_primitive(g, g.leaves[e.index], e.index, local, hit)) {
+        hit->instance = instance;
+        found = true;
+        if (kAny) return true;
+      }
+      if (--e.count != 0) {
+        ++e.index;
+        continue;
+      }
+    } else {
+      instance = g.leaves[e.index].object;
+      if (e.count > 1) stack[top++] = {e.index + 1, e.count - 1, e.near};
+      floor = top;
+      const Instance& it = g.instances[instance];
+      const Transform to_local = it.local_at(ray.time);
+      local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
+      test = HostNodeTest::make(local.origin, local.direction);
+      e = {it.root, 0, 0.0f};
+      continue;
+    }
+    do {
+      if (!kOnlyBlocks && instance != Hit::kNone && top == floor) {
+        instance = Hit::kNone;
+        floor = 0;
+        local = LocalRay::make(ray.origin, ray.direction, ray.time);
+        test = HostNodeTest::make(ray.origin, ray.direction);
+      }
+      if (top == 0) return found;
+      e = stack[--top];
+    } while (e.near > hit->t);
+  }
 }
 
 // Interface and result as traverse_groups.
 template <bool kAny>
 inline bool traverse_host(const GeometryView& g, const Ray& ray, Hit* hit) {
-  HostEntry stack[kTraversalStack * 8];
-  int top = 0, floor = 0;
-  uint32_t instance = Hit::kNone;
-  bool found = false;
-  LocalRay local = LocalRay::make(ray.origin, ray.direction, ray.time);
-  HostNodeTest test = HostNodeTest::make(ray.origin, ray.direction);
-  stack[top++] = {0, 0, 0.0f};
-  while (top > 0) {
-    if (instance != Hit::kNone && top == floor) {
-      instance = Hit::kNone;
-      floor = 0;
-      local = LocalRay::make(ray.origin, ray.direction, ray.time);
-      test = HostNodeTest::make(ray.origin, ray.direction);
-    }
-    const HostEntry e = stack[--top];
-    if (e.near > hit->t) continue;
-    if (e.count == 0) {
-      const Node8& node = g.nodes[e.index];
-      float near[8];
-      const uint32_t mask = test.hits(node, hit->t, near);
-      top = push_children(node, mask, near, stack, top);
-      continue;
-    }
-    for (uint32_t i = 0; i < e.count; ++i) {
-      const LeafPrimitive& p = g.leaves[e.index + i];
-      if (p.kind() != PrimitiveKind::Instance) {
-        if (intersect_primitive(g, p, e.index + i, local, hit)) {
-          hit->instance = instance;
-          found = true;
-          if (kAny) return true;
-        }
-        continue;
-      }
-      if (i + 1 < e.count) stack[top++] = {e.index + i + 1, e.count - i - 1, e.near};
-      floor = top;
-      instance = p.object;
-      const Instance& it = g.instances[instance];
-      const Transform to_local = it.local_at(ray.time);
-      local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
-      test = HostNodeTest::make(local.origin, local.direction);
-      stack[top++] = {it.root, 0, 0.0f};
-      break;
-    }
-  }
-  return found;
+  return g.only_blocks ? traverse_host_as<kAny, true>(g, ray, hit) : traverse_host_as<kAny, false>(g, ray, hit);
 }
 
 }  // namespace destello

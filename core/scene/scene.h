@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "accel/bvh_build.h"
+#include "accel/sphere_blocks.h"
 #include "camera/cameras.h"
 #include "light/environment_build.h"
 #include "scene/scene_view.h"
@@ -28,6 +29,9 @@ struct SceneArrays {
   std::vector<LeafPrimitive> leaves;
   std::vector<Instance> instances;
   std::vector<TriangleVertices> moving;
+  std::vector<SphereBlock> blocks;         // for the host's traversal
+  std::vector<uint32_t> blocks_of_node;
+  bool only_blocks = false;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;

@@ -81,6 +81,7 @@ void SceneBuilder::build_trees() {
   }
   build_group(&world);
   a.nodes[0] = a.nodes[world.root];
+  a.only_blocks = build_sphere_blocks(a.nodes, a.leaves, &a.blocks, &a.blocks_of_node);
   scene_->bounds_ = world.bounds;
 }
 
@@ -215,6 +216,9 @@ void SceneBuilder::make_view() {
   const SceneArrays& a = scene_->arrays_;
   SceneView& v = scene_->view_;
   v.geometry = {a.nodes.data(), a.leaves.data(), a.instances.data(), a.moving.data(), a.instances.empty() ? 0u : 1u};
+  v.geometry.only_blocks = a.only_blocks && a.instances.empty();
+  v.geometry.blocks = a.blocks.data();
+  v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();
