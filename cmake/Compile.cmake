@@ -2,6 +2,9 @@
 #
 # `#pragma unroll` is for nvcc alone, so unknown pragmas pass.
 #
+# Device code divides and takes roots to within 2 ulp instead of correctly rounded, which takes a fraction of the
+# instructions; error bounds (core/base/ray.h) have that to spare.
+#
 # Results must not depend on the compiler's mood: no contraction into fused multiply-adds on the host. The two -fno- options
 # keep every result bit and only drop errno and trap bookkeeping, which would stop vectorisation.
 function(dst_compile_options target)
@@ -13,7 +16,7 @@ function(dst_compile_options target)
     set_target_properties(${target} PROPERTIES
       CUDA_STANDARD 20 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF CUDA_VISIBILITY_PRESET hidden)
     target_compile_options(${target} PRIVATE
-      $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -lineinfo --threads=2 -Xfatbin=-compress-all
+      $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -lineinfo --threads=2 --prec-div=false --prec-sqrt=false --ftz=true -Xfatbin=-compress-all
       -Xcompiler=-Wall,-Wno-psabi,-Wno-unknown-pragmas,${fp_list}>
       $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${DST_WERROR}>>:-Werror=all-warnings>)
   endif()

@@ -139,20 +139,29 @@ struct Group {
   DST_HD bool has_nodes() const { return (bits & 0xff000000u) != 0; }
 };
 
-// The nearest hit before hit->t (kAny: any one). `hit->t` must hold the ray's t_max on entry. Returns whether something
-// was hit.
-template <bool kAny>
-DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
-  Group stack[kTraversalStack];
-  int top = 0;
-  int floor = 0;  // stack height at which the current instance ends
+// A ray's way through the tree, one node at a time, so that a warp can look up between steps which of its lanes are done.
+struct Traversal {
+  Vec3 origin, direction;        // the ray in the space that it is in: the world's or an instance's
+  NodeTest test;
+  Group nodes;                   // where it goes on; the rest is on the stack
+  int top = 0, floor = 0;        // stack height; that at which the current instance ends
   uint32_t instance = Hit::kNone;
-  bool found = false;
-  LocalRay local = LocalRay::make(ray.origin, ray.direction, ray.time);
-  NodeTest test = NodeTest::make(ray.origin, ray.direction);
-  Group nodes = {0, 0x80000000u};
-  Group primitives = {0, 0};
-  for (;;) {
+  bool any = false;              // any hit ends it
+  Hit hit;
+
+  DST_HD void start(const Ray& ray, bool any_hit) {
+    top = floor = 0;
+    instance = Hit::kNone;
+    any = any_hit;
+    hit = Hit{};
+    hit.t = ray.t_max;
+    nodes = {0, 0x80000000u};
+    set_ray(ray.origin, ray.direction);
+  }
+  // Visits one node and its primitives. Returns false when the way has ended: `hit` is then the nearest hit (any: some
+  // hit), if there is one. `stack`: kTraversalStack entries, the same at every step.
+  DST_HD bool step(const GeometryView& g, const Ray& ray, Group* stack) {
+    Group primitives{0, 0};
     if (nodes.has_nodes()) {
       const int bit = highest_bit(nodes.bits);
       const uint32_t slot = (static_cast<uint32_t>(bit) - 24) ^ test.octant;
@@ -160,7 +169,7 @@ DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
       nodes.bits &= ~(1u << bit);
       if (nodes.has_nodes()) stack[top++] = nodes;
       const Node8 node = load_wide(g.nodes + index);
-      const uint32_t hits = test.hits(node, hit->t);
+      const uint32_t hits = test.hits(node, hit.t);
       nodes = {node.first_child, (hits & 0xff000000u) | node.inner_mask};
       primitives = {node.first_leaf, hits & 0x00ffffffu};
     } else {
@@ -172,35 +181,58 @@ DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
       primitives.bits &= ~(1u << bit);
       const uint32_t index = primitives.base + static_cast<uint32_t>(bit);
       const LeafPrimitive p = load_wide(g.leaves + index);
-      if (p.kind() != PrimitiveKind::Instance) {
-        if (intersect_primitive(g, p, index, local, hit)) {
-          hit->instance = instance;
-          found = true;
-          if (kAny) return true;
-        }
-        continue;
+      if (p.kind() == PrimitiveKind::Instance) {
+        enter(g, ray, p.object, primitives, stack);
+        break;
       }
-      if (primitives.bits != 0) stack[top++] = primitives;
-      if (nodes.has_nodes()) stack[top++] = nodes;
-      floor = top;
-      instance = p.object;
-      const Instance& it = g.instances[instance];
-      const Transform to_local = it.local_at(ray.time);
-      local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
-      test = NodeTest::make(local.origin, local.direction);
-      nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
-      primitives.bits = 0;
+      if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, ray.time), &hit)) {
+        hit.instance = instance;
+        if (any) return false;
+      }
     }
-    if (nodes.has_nodes()) continue;
+    return nodes.has_nodes() || pop(ray, stack);
+  }
+
+ private:
+  DST_HD void set_ray(Vec3 o, Vec3 d) {
+    origin = o;
+    direction = d;
+    test = NodeTest::make(o, d);
+  }
+  // Goes on inside an instance; what is left outside waits on the stack.
+  DST_HD void enter(const GeometryView& g, const Ray& ray, uint32_t index, Group primitives, Group* stack) {
+    if (primitives.bits != 0) stack[top++] = primitives;
+    if (nodes.has_nodes()) stack[top++] = nodes;
+    floor = top;
+    instance = index;
+    const Instance& it = g.instances[index];
+    const Transform to_local = it.local_at(ray.time);
+    set_ray(to_local.point(ray.origin), to_local.vector(ray.direction));
+    nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
+  }
+  DST_HD bool pop(const Ray& ray, const Group* stack) {
     if (instance != Hit::kNone && top == floor) {
       instance = Hit::kNone;
       floor = 0;
-      local = LocalRay::make(ray.origin, ray.direction, ray.time);
-      test = NodeTest::make(ray.origin, ray.direction);
+      set_ray(ray.origin, ray.direction);
     }
-    if (top == 0) return found;
+    if (top == 0) return false;
     nodes = stack[--top];
+    return true;
   }
+};
+
+// The nearest hit before hit->t (kAny: any one). `hit->t` must hold the ray's t_max on entry. Returns whether something
+// was hit.
+template <bool kAny>
+DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
+  Group stack[kTraversalStack];
+  Traversal t;
+  t.start(ray, kAny);
+  while (t.step(g, ray, stack)) {
+  }
+  *hit = t.hit;
+  return hit->found();
 }
 
 }  // namespace destello

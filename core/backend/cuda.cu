@@ -17,10 +17,7 @@ namespace destello {
 
 namespace {
 
-constexpr int kThreads = 128;         // per block
-#ifndef DST_MIN_BLOCKS
-#define DST_MIN_BLOCKS 4
-#endif
+constexpr int kThreads = 512;  // per block; one block fills a multiprocessor's registers
 constexpr uint32_t kItemSamples = 16;
 constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
 
@@ -62,7 +59,8 @@ struct KernelParams {
 
 // One item: a pixel and a range of its samples.
 struct Item {
-  uint32_t x = 0, y = 0, sample = 0, end = 0;
+  uint32_t x = 0, y = 0, begin = 0, end = 0;
+  uint32_t sample = 0;  // the next one to start
 };
 
 // The next item for this lane; false when there are no more. Lanes that ask together get neighbouring pixels.
@@ -83,8 +81,8 @@ __device__ bool next_item(const KernelParams& p, Item* item) {
     item->x = c.x0 + tile % p.tile_columns * kTileWidth + in_tile % kTileWidth;
     item->y = c.y0 + tile / p.tile_columns * kTileHeight + in_tile / kTileWidth;
     if (item->x >= c.x1 || item->y >= c.y1) continue;
-    item->sample = p.task.first_sample + block * kItemSamples;
-    item->end = item->sample + kItemSamples < p.task.last_sample ? item->sample + kItemSamples : p.task.last_sample;
+    item->begin = item->sample = p.task.first_sample + block * kItemSamples;
+    item->end = item->begin + kItemSamples < p.task.last_sample ? item->begin + kItemSamples : p.task.last_sample;
     return true;
   }
 }
@@ -97,57 +95,132 @@ struct ThreadSums {
   }
   __device__ void operator()(uint32_t channel, float v) const { columns[channel][threadIdx.x] += static_cast<double>(v); }
   __device__ void flush(double* pixel, uint32_t channels) const {
+#pragma unroll 1
     for (uint32_t k = 0; k < channels; ++k) atomicAdd(pixel + k, columns[k][threadIdx.x]);
   }
 };
 
-// kSimple: SceneView::simple. kAovs: record features of the first hit.
+// Sums in the film itself: for features, where speed is not the point.
+struct GlobalSums {
+  double* pixel;
+  __device__ void operator()(uint32_t channel, float v) const { atomicAdd(pixel + channel, static_cast<double>(v)); }
+};
+
+// What a lane of the render kernel is about to do.
+enum class LaneState : uint32_t {
+  Start,   // its path has ended (or none has begun): take the next sample
+  Shadow,  // a shadow ray is under way
+  Path,    // the path's next segment is under way
+  Shade,   // the segment's hit is known
+  Done,    // no work is left
+};
+
+// Everything that one lane of the render kernel keeps.
 template <bool kSimple, bool kAovs>
-__global__ void __launch_bounds__(kThreads, DST_MIN_BLOCKS) render_kernel(const __grid_constant__ KernelParams p) {
+struct Lane {
   using Tracer = DeviceTracer<kSimple>;
-  __shared__ double film_columns[kFilmChannels][kThreads];
-  __shared__ double aov_columns[kAovs ? kAovChannels : 1][kThreads];
-  const ThreadSums film{film_columns}, features{aov_columns};
+
+  const KernelParams& p;
+  ThreadSums film;
   unsigned rays = 0, samples = 0, nonfinite = 0;
   Item item;
+  LaneState state = LaneState::Start;
   Path path;
-  path.alive = false;
+  ShadowRay shadow;
   SampleAovs aovs;
-  for (;;) {
-    if (!path.alive) {
-      if (item.sample == item.end) {
-        if (!next_item(p, &item)) break;
-        film.clear(kFilmChannels);
-        if (kAovs) features.clear(kAovChannels);
-      }
-      path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample++);
-    }
-    const Hit hit = trace<Tracer>(p.scene, path);
+  Traversal traversal;
+  Group stack[kTraversalStack];
+
+  __device__ Lane(const KernelParams& params, ThreadSums film_sums) : p(params), film(film_sums) {}
+
+  __device__ bool traversing() const { return state == LaneState::Shadow || state == LaneState::Path; }
+
+  __device__ void begin_segment() {
+    traversal.start(path.ray, false);
+    state = LaneState::Path;
     ++rays;
-    ShadowRay shadow;
-    shade<Tracer>(p.scene, p.task.settings, hit, &path, &shadow, kAovs ? &aovs : nullptr);
-    if (shadow.wanted) {
-      connect<Tracer>(p.scene, shadow, &path);
-      ++rays;
+  }
+
+  __device__ void go_on() {
+    if (path.alive) {
+      begin_segment();
+    } else {
+      state = LaneState::Start;
     }
-    if (path.alive) continue;
+  }
+
+  // One node further. A shadow ray that ends is followed by the path's next segment at once.
+  __device__ void step() {
+    const bool is_shadow = kSimple && state == LaneState::Shadow;
+    if (traversal.step(p.scene.geometry, is_shadow ? shadow.ray : path.ray, stack)) return;
+    if (!is_shadow) {
+      state = LaneState::Shade;
+      return;
+    }
+    if (!traversal.hit.found()) path.radiance += shadow.contribution;
+    go_on();
+  }
+
+  __device__ void shade_hit() {
+    shade<Tracer>(p.scene, p.task.settings, traversal.hit, &path, &shadow, kAovs ? &aovs : nullptr);
+    if (shadow.wanted) {
+      ++rays;
+      if (kSimple) {
+        traversal.start(shadow.ray, true);
+        state = LaneState::Shadow;
+        return;
+      }
+      connect<Tracer>(p.scene, shadow, &path);
+    }
+    go_on();
+  }
+
+  __device__ void finish_sample() {
     bool finite;
     const Vec3 radiance = sample_radiance(p.task.settings, path, &finite);
     ++samples;
     if (!finite) ++nonfinite;
     add_sample(radiance, path.filter_sign, film);
+    const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
     if (kAovs) {
-      add_aovs(aovs.albedo, aovs.normal, aovs.depth, features);
+      add_aovs(aovs.albedo, aovs.normal, aovs.depth, GlobalSums{p.film.aovs + pixel * kAovChannels});
       aovs = {};
     }
-    if (item.sample < item.end) continue;
-    const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
+    if (item.sample < item.end) return;
     film.flush(p.film.sums + pixel * kFilmChannels, kFilmChannels);
-    if (kAovs) features.flush(p.film.aovs + pixel * kAovChannels, kAovChannels);
   }
-  atomicAdd(&p.counts->rays, static_cast<unsigned long long>(rays));
-  atomicAdd(&p.counts->samples, static_cast<unsigned long long>(samples));
-  if (nonfinite != 0) atomicAdd(&p.counts->nonfinite, static_cast<unsigned long long>(nonfinite));
+
+  __device__ void start_sample() {
+    if (item.sample > item.begin) finish_sample();
+    if (item.sample == item.end) {
+      if (!next_item(p, &item)) {
+        state = LaneState::Done;
+        return;
+      }
+      film.clear(kFilmChannels);
+    }
+    path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample++);
+    begin_segment();
+  }
+};
+
+// kSimple: SceneView::simple. kAovs: record features of the first hit.
+template <bool kSimple, bool kAovs>
+__global__ void __launch_bounds__(kThreads, 1) render_kernel(const __grid_constant__ KernelParams p) {
+  __shared__ double film_columns[kFilmChannels][kThreads];
+  Lane<kSimple, kAovs> lane(p, ThreadSums{film_columns});
+  for (;;) {
+    // All warps of the block start, trace and shade at the same time: they then read the same instructions, which do not
+    // all fit into the instruction cache (benches/LOG.md).
+    __syncthreads();
+    if (lane.state == LaneState::Start) lane.start_sample();
+    while (lane.traversing()) lane.step();
+    if (__syncthreads_and(lane.state == LaneState::Done)) break;
+    if (lane.state == LaneState::Shade) lane.shade_hit();
+  }
+  atomicAdd(&p.counts->rays, static_cast<unsigned long long>(lane.rays));
+  atomicAdd(&p.counts->samples, static_cast<unsigned long long>(lane.samples));
+  if (lane.nonfinite != 0) atomicAdd(&p.counts->nonfinite, static_cast<unsigned long long>(lane.nonfinite));
 }
 
 template <class T>

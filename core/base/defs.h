@@ -13,7 +13,7 @@
 // Marks free functions that run on host and device.
 #define DST_FN DST_HD inline
 
-// After DST_HD or DST_FN: code off the hot path, kept out of line on the device. A kernel that inlines everything outgrows
+// After DST_HD or DST_FN: code off the hot path or used in many places, kept out of line on the device. A kernel that inlines everything outgrows
 // the instruction cache, and then waits for instructions most of the time (benches/LOG.md).
 #if defined(__CUDACC__)
 #define DST_COLD __noinline__

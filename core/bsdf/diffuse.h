@@ -33,7 +33,9 @@ struct Diffuse {
  private:
   // The BRDF times pi.
   DST_HD Vec3 value(Vec3 wo, Vec3 wi) const {
-    if (roughness == 0) return reflectance;
+    return roughness == 0 ? reflectance : rough_value(wo, wi);
+  }
+  DST_HD DST_COLD Vec3 rough_value(Vec3 wo, Vec3 wi) const {
     const float a = 1.0f / (1.0f + kC1 * roughness);
     const float s = dot(wo, wi) - wo.z * wi.z;
     const float single = a * (1.0f + roughness * (s > 0 ? s / max(wo.z, wi.z) : s));

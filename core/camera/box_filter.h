@@ -14,7 +14,7 @@ struct BoxFilter {
       scalar("radius", &BoxFilter::radius, 0.5f, "half the side of the square").constant().range(0, 16).unit("px"));
 
   void prepare() {}
-  DST_HD FilterSample sample(Vec2 u) const {
+  DST_HD DST_COLD FilterSample sample(Vec2 u) const {
     return {{(2.0f * u.x - 1.0f) * radius, (2.0f * u.y - 1.0f) * radius}, 1.0f};
   }
   DST_HD float eval(Vec2 d) const { return fabsf(d.x) <= radius && fabsf(d.y) <= radius ? 1.0f : 0.0f; }

@@ -31,7 +31,7 @@ struct OrthographicCamera {
     scale = height / static_cast<float>(film_height);
   }
 
-  DST_HD CameraRay generate(Vec2 film, Vec2) const {
+  DST_HD DST_COLD CameraRay generate(Vec2 film, Vec2) const {
     return {origin + axes.right * ((film.x - center.x) * scale) + axes.up * ((center.y - film.y) * scale),
             axes.forward};
   }

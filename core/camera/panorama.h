@@ -29,7 +29,7 @@ struct PanoramaCamera {
 
   // Film positions beyond the left and right edge go on around; those beyond the upper and lower edge go on over the
   // pole, as a filter needs it.
-  DST_HD CameraRay generate(Vec2 film, Vec2) const {
+  DST_HD DST_COLD CameraRay generate(Vec2 film, Vec2) const {
     const Vec3 d = equirect_to_direction({film.x * inverse_size.x, film.y * inverse_size.y});
     return {origin, axes.right * d.x + axes.up * d.y - axes.forward * d.z};
   }

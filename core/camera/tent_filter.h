@@ -14,7 +14,7 @@ struct TentFilter {
       scalar("radius", &TentFilter::radius, 1, "where it reaches 0").constant().range(1e-6f, 16).unit("px"));
 
   void prepare() {}
-  DST_HD FilterSample sample(Vec2 u) const { return {{radius * tent(u.x), radius * tent(u.y)}, 1.0f}; }
+  DST_HD DST_COLD FilterSample sample(Vec2 u) const { return {{radius * tent(u.x), radius * tent(u.y)}, 1.0f}; }
   DST_HD float eval(Vec2 d) const { return max(radius - fabsf(d.x), 0.0f) * max(radius - fabsf(d.y), 0.0f); }
 
  private:

@@ -8,8 +8,8 @@
 // code for them is left out.
 #pragma once
 
-#include "bsdf/spectrum.h"
-#include "integrate/light_sampling.h"
+#include "integrate/surface_scattering.h"
+#include "integrate/volume_scattering.h"
 
 namespace destello {
 
@@ -60,229 +60,62 @@ DST_FN Hit trace(const SceneView& scene, const Path& path) {
   return hit;
 }
 
-// --- helpers of shade -------------------------------------------------------------------------------------------------
+// --- helper of shade --------------------------------------------------------------------------------------------------
 
-// Follows mix materials down to one that reflects, at random in proportion to their amounts.
-DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, const TextureContext& context, float u) {
-  for (;;) {
-    const MaterialRecord& m = scene.materials[material];
-    if (!(m.flags & kIsMix)) return material;
-    const float amount = saturate(eval_slot(scene.textures.slots[m.first_slot], context, scene.textures, true).x);
-    const bool second = u < amount;
-    u = second ? u / amount : (u - amount) / (1.0f - amount);
-    u = min(u, kOneMinusEpsilon);
-    material = second ? m.mix_second : m.mix_first;
-  }
-}
-
-DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
-  if (!(m.flags & kHasOpacity)) return 1;
-  const Slot& slot = scene.textures.slots[m.surface_slot + kOpacitySlot];
-  const float opacity = saturate(eval_slot(slot, context, scene.textures, true).x);
-  return m.opacity_cutoff > 0 ? (opacity >= m.opacity_cutoff ? 1.0f : 0.0f) : opacity;
-}
-
-// Goes on behind the surface as if it were not there: the last scattering's density still holds.
-DST_FN void pass_straight(Path* path, const Surface& s, float t) {
-  path->ray.origin = offset_origin(s.p, s.error, s.ng, path->ray.direction);
-  path->travelled += t;
-  ++path->passes;
-}
-
-DST_FN void cross_boundary(InteriorStack* inside, uint32_t interior, bool front) {
-  if (front) {
-    inside->push(interior);
-  } else {
-    inside->remove(interior);
-  }
-}
-
-// The interior on the far side of a boundary, were the boundary's own object not there.
-DST_FN uint32_t interior_beyond(const SceneView& scene, InteriorStack inside, uint32_t interior, bool front) {
-  if (!front) inside.remove(interior);
-  return inside.current(scene.interiors);
-}
-
-// Ends the path by chance if it carries little (Arvo and Kirk 1990); the survivors make up for it.
-DST_FN void roulette(const RenderSettings& settings, Path* path) {
-  if (path->depth < settings.roulette_depth) return;
-  const float survive = clamp(max_component(abs(path->throughput)) * path->eta_scale, 0.05f, 1.0f);
-  if (survive >= 1) return;
-  if (path->sampler.get_1d(bounce_dimension(*path, kDimRoulette)) >= survive) {
-    path->alive = false;
-  } else {
-    path->throughput *= 1.0f / survive;
-  }
-}
-
-// A collision inside the medium that the path is in, if one comes before the hit; else only what the way absorbs.
-// Returns true if the path has scattered (or ended): shade is then done.
-DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSettings& settings, float t_hit, Path* path,
-                              ShadowRay* shadow) {
-  const uint32_t current = path->inside.current(scene.interiors);
-  if (current == kNoIndex) return false;
-  const Medium& medium = scene.interiors[current].medium;
-  if (medium.is_vacuum()) return false;
-  const float distance = medium.sample_distance(path->sampler.get_1d(bounce_dimension(*path, kDimDistance)));
-  if (!(distance < t_hit)) {
-    path->throughput *= medium.absorbed(t_hit);
-    return false;
-  }
-  path->throughput *= medium.absorbed(distance) * medium.albedo;
+// The light sample's contribution and the path's next direction, once the surface is known to be there. `distance`: of
+// the surface from the last scattering.
+template <class Tracer>
+DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& settings, const MaterialRecord& m,
+                               const ShadingPoint& point, const TextureContext& texture, float distance, Path* path,
+                               ShadowRay* shadow, SampleAovs* aovs) {
+  const Surface& s = point.surface;
+  LightPick light;
+  if (settings.light_sampling != LightSampling::Bsdf && !(m.flags & kDeltaOnly) && !light_table(scene, settings.light_sampling).pick.empty())
+    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time, path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
+                       path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
+  const Vec3 to_light = point.frame.to_local(light.wi);
+  // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
+  const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
+  const MaterialSample answer = dispatch(
+      Materials{}, m.type,
+      AskMaterial{scene, m.first_slot, texture, point, path->sampler, to_light, has_light,
+                  path->sampler.get_1d(bounce_dimension(*path, kDimLobe)), path->sampler.get_2d(bounce_dimension(*path, kDimDirection))});
+  if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
+  path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
     path->alive = false;
-    return true;
+    return;
   }
-  const Vec3 p = path->ray.origin + path->ray.direction * distance, wo = -path->ray.direction;
-  if (settings.light_sampling != LightSampling::Bsdf) {
-    const LightPick light =
-        pick_light(scene, settings.light_sampling, p, path->ray.time, path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
-                   path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
-    if (light.pdf > 0 && !is_black(light.radiance)) {
-      const float f = medium.phase.eval(wo, light.wi);
-      const float weight = light_weight(settings.light_sampling, light, f);
-      shadow->contribution = path->throughput * light.radiance * (f * weight / light.pdf);
-      shadow->ray = shadow_ray(p, light, path->ray.time);
-      shadow->wanted = !is_black(shadow->contribution);
+  if (answer.wavelength != path->wavelength) {
+    path->wavelength = answer.wavelength;
+    path->throughput *= wavelength_weight(path->wavelength);
+  }
+  if (!is_black(answer.f)) {
+    const float weight = light_weight(settings.light_sampling, light, light.delta ? 0.0f : answer.pdf);
+    shadow->contribution = path->throughput * answer.f * light.radiance * (weight / light.pdf);
+    shadow->ray = shadow_ray(offset_origin(s.p, s.error, s.ng, light.wi), light, path->ray.time);
+    shadow->wanted = true;
+    if (!Tracer::kSimple) {
+      shadow->inside = path->inside;
+      if (to_light.z < 0 && (m.flags & kIsBoundary)) cross_boundary(&shadow->inside, m.interior, s.front);
     }
   }
-  const Vec3 wi = medium.phase.sample(wo, path->sampler.get_2d(bounce_dimension(*path, kDimDirection)));
-  path->ray.origin = p;
-  path->ray.direction = wi;
-  path->bsdf_pdf = medium.phase.pdf(wo, wi);
+  const BsdfSample& next = answer.next;
+  const Vec3 wi = point.frame.to_world(next.wi);
+  if (!(next.pdf > 0) || is_black(next.weight) || !(next.wi.z * dot(wi, point.ng) > 0)) {
+    path->alive = false;
+    return;
+  }
+  path->throughput *= next.weight;
+  path->eta_scale *= sqr(next.eta);
+  path->ray.origin = offset_origin(s.p, s.error, s.ng, wi);
+  path->ray.direction = normalize(wi);
+  path->bsdf_pdf = (next.flags & kDelta) ? kInfinity : next.pdf;
   path->travelled = 0;
+  if ((next.flags & kTransmission) && (m.flags & kIsBoundary)) cross_boundary(&path->inside, m.interior, s.front);
   roulette(settings, path);
   ++path->depth;
-  return true;
 }
-
-// The surface as a BSDF sees it.
-struct ShadingPoint {
-  Surface surface;
-  Frame frame;         // z on the path's side
-  Vec3 wo;             // local
-  Vec3 ng;             // geometric normal on the path's side
-  BsdfContext context;
-};
-
-template <class Tracer>
-DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s, const MaterialRecord& m) {
-  ShadingPoint p;
-  p.surface = s;
-  const Vec3 w = -path.ray.direction;
-  Vec3 ns = s.ns;
-  if (!Tracer::kSimple && (m.flags & kHasNormalMap)) {
-    const Slot& slot = scene.textures.slots[m.surface_slot + kNormalSlot];
-    ns = apply_normal_map(s, eval_slot(slot, texture_context(s), scene.textures, false), m.normal_scale);
-  }
-  p.ng = s.front ? s.ng : -s.ng;
-  if (!s.front) ns = -ns;
-  if (!(dot(ns, w) > 1e-4f)) ns = p.ng;  // seen from behind its shading normal: shade it flat
-  p.frame = is_black(s.tangent) ? Frame::from_z(ns) : Frame::from_zx(ns, s.tangent);
-  p.wo = p.frame.to_local(w);
-  p.wo.z = max(p.wo.z, 1e-6f);
-  p.context.front = s.front;
-  return p;
-}
-
-// Loads T's parameters at a point of a surface: each slot's value, textures looked up.
-template <class T, size_t... I>
-DST_FN T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context, std::index_sequence<I...>) {
-  T bsdf;
-  const Slot* slots = scene.textures.slots.data + first_slot;
-  (set_param<T, I>(bsdf, T::params[I].texturable
-                             ? eval_slot(slots[I], context, scene.textures, T::params[I].kind == ParamKind::Scalar)
-                             : slots[I].value),
-   ...);
-  return bsdf;
-}
-
-// The first colour among T's parameters: what a denoiser takes for its albedo.
-template <class T>
-constexpr int first_color() {
-  int i = 0;
-  for (const auto& p : T::params) {
-    if (p.kind == ParamKind::Color) return i;
-    ++i;
-  }
-  return -1;
-}
-
-// Evaluates one material type: the light sample's contribution, then the path's next direction.
-struct ScatterSurface {
-  const SceneView& scene;
-  const RenderSettings& settings;
-  const MaterialRecord& material;
-  ShadingPoint& point;
-  Path* path;
-  ShadowRay* shadow;
-  SampleAovs* aovs;
-
-  template <class T>
-  DST_HD void operator()() const {
-    T bsdf = load_bsdf<T>(scene, material.first_slot, texture_context(point.surface),
-                          std::make_index_sequence<T::params.size()>{});
-    if constexpr (requires { bsdf.needs_wavelength(); }) {
-      if (path->wavelength == 0 && bsdf.needs_wavelength()) {
-        path->wavelength = sample_wavelength(path->sampler.get_1d(kDimWavelength));
-        path->throughput *= wavelength_weight(path->wavelength);
-      }
-    }
-    point.context.wavelength = path->wavelength;
-    prepare(bsdf, point.context);
-    if (aovs != nullptr) {
-      constexpr int color = first_color<T>();
-      if constexpr (color >= 0) aovs->albedo = bsdf.*T::params[color].v;
-    }
-    if (!only_delta(bsdf)) sample_light(bsdf);
-    sample_direction(bsdf);
-  }
-
- private:
-  // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
-  DST_HD bool consistent(Vec3 wi_local, Vec3 wi_world) const { return wi_local.z * dot(wi_world, point.ng) > 0; }
-
-  template <class T>
-  DST_HD void sample_light(const T& bsdf) const {
-    if (settings.light_sampling == LightSampling::Bsdf) return;
-    const Surface& s = point.surface;
-    const LightPick light = pick_light(scene, settings.light_sampling, s.p, path->ray.time,
-                                       path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
-                                       path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
-    if (!(light.pdf > 0) || is_black(light.radiance)) return;
-    const Vec3 wi = point.frame.to_local(light.wi);
-    if (!consistent(wi, light.wi)) return;
-    const Vec3 f = bsdf.eval(point.wo, wi);
-    if (is_black(f)) return;
-    const float weight = light_weight(settings.light_sampling, light, light.delta ? 0.0f : bsdf.pdf(point.wo, wi));
-    shadow->contribution = path->throughput * f * light.radiance * (weight / light.pdf);
-    shadow->ray = shadow_ray(offset_origin(s.p, s.error, s.ng, light.wi), light, path->ray.time);
-    shadow->crosses = wi.z < 0 && (material.flags & kIsBoundary) != 0;
-    shadow->wanted = true;
-  }
-
-  template <class T>
-  DST_HD void sample_direction(const T& bsdf) const {
-    const BsdfSample b = bsdf.sample(point.wo, path->sampler.get_1d(bounce_dimension(*path, kDimLobe)),
-                                     path->sampler.get_2d(bounce_dimension(*path, kDimDirection)));
-    const Vec3 wi = point.frame.to_world(b.wi);
-    if (!(b.pdf > 0) || is_black(b.weight) || !consistent(b.wi, wi)) {
-      path->alive = false;
-      return;
-    }
-    const Surface& s = point.surface;
-    path->throughput *= b.weight;
-    path->eta_scale *= sqr(b.eta);
-    path->ray.origin = offset_origin(s.p, s.error, s.ng, wi);
-    path->ray.direction = normalize(wi);
-    path->bsdf_pdf = (b.flags & kDelta) ? kInfinity : b.pdf;
-    path->travelled = 0;
-    if ((b.flags & kTransmission) && (material.flags & kIsBoundary))
-      cross_boundary(&path->inside, material.interior, s.front);
-    roulette(settings, path);
-    ++path->depth;
-  }
-};
 
 // --- stage: shade -----------------------------------------------------------------------------------------------------
 
@@ -294,7 +127,6 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   shadow->wanted = false;
   if (!Tracer::kSimple && scene.has_boundaries && !path->inside.empty()) {
     shadow->inside = path->inside;
-    shadow->crosses = false;
     if (scatter_in_medium(scene, settings, hit.t, path, shadow)) return;
   }
   if (!hit.found()) {
@@ -318,9 +150,10 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->radiance += path->throughput * hit_emission(scene, settings.light_sampling,
                                                       {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
                                                       context, s.ng, index, s.light);
-  if (path->depth >= settings.max_depth && !(m.flags & kIsInterface)) {
+  const bool last = path->depth >= settings.max_depth && !(m.flags & kIsInterface);
+  if (last && (aovs == nullptr || path->first_hit_done)) {
     path->alive = false;
-    if (aovs == nullptr || path->first_hit_done) return;
+    return;
   }
   ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
   if (m.flags & kIsBoundary) {
@@ -333,23 +166,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     }
     if (beyond != kNoIndex) point.context.outside_ior = scene.interiors[beyond].ior;
   }
-  SampleAovs* first = path->first_hit_done ? nullptr : aovs;
-  if (first != nullptr) {
-    first->normal = point.frame.z;
-    first->depth = path->travelled + hit.t;
-    first->albedo = Vec3(1);
-  }
-  path->first_hit_done = true;
-  const bool last = !path->alive;
-  if (!Tracer::kSimple) shadow->inside = path->inside;
-  shadow->crosses = false;
-  shadow->interior = m.interior;
-  shadow->front = s.front;
-  dispatch(Materials{}, m.type, ScatterSurface{scene, settings, m, point, path, shadow, first});
-  if (last) {
-    path->alive = false;
-    shadow->wanted = false;
-  }
+  scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs);
 }
 
 // --- stage: connect ---------------------------------------------------------------------------------------------------
@@ -358,7 +175,6 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
 template <class Tracer>
 DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const Sampler& sampler, uint32_t dimension) {
   InteriorStack inside = shadow.inside;
-  if (shadow.crosses) cross_boundary(&inside, shadow.interior, shadow.front);
   Ray ray = shadow.ray;
   Vec3 left(1);
   for (uint32_t step = 0;; ++step) {
@@ -395,9 +211,9 @@ DST_FN void connect(const SceneView& scene, const ShadowRay& shadow, Path* path)
     return;
   }
   if constexpr (!Tracer::kSimple) {
-  constexpr uint32_t kShadowDimensions = 0x40000000U;  // far from those of the paths themselves
-  const uint32_t dimension = bounce_dimension(*path, kDimMix) + kShadowDimensions;
-  path->radiance += shadow.contribution * transmittance<Tracer>(scene, shadow, path->sampler, dimension);
+    constexpr uint32_t kShadowDimensions = 0x40000000U;  // far from those of the paths themselves
+    const uint32_t dimension = bounce_dimension(*path, kDimMix) + kShadowDimensions;
+    path->radiance += shadow.contribution * transmittance<Tracer>(scene, shadow, path->sampler, dimension);
   }
 }
 

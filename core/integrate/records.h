@@ -84,10 +84,7 @@ struct ShadowRay {
   Ray ray;                 // t_max: just before the light
   Vec3 contribution;       // to the path's radiance if nothing is in the way
   bool wanted = false;
-  bool crosses = false;    // it starts on the far side of the boundary `interior`, which the path met from `front`
-  bool front = true;
-  uint32_t interior = 0;
-  InteriorStack inside;    // what the path was in when it met the surface
+  InteriorStack inside;    // what the ray starts in
 };
 
 // Dimension numbers of the sampler (base/sampler.h): a few for the camera, then a block per path segment.

@@ -45,8 +45,8 @@ struct DirectionalLight {
     const Vec3 wi = Frame::from_z(-direction).to_world(square_to_cone(u, one_minus_cos));
     return {wi, kInfinity, disk_radiance, cone_pdf(one_minus_cos), false};
   }
-  DST_HD Vec3 radiance(Vec3 wi) const { return hit(wi) ? disk_radiance : Vec3(); }
-  DST_HD float pdf(Vec3 wi) const { return hit(wi) ? cone_pdf(one_minus_cos) : 0.0f; }
+  DST_HD DST_COLD Vec3 radiance(Vec3 wi) const { return hit(wi) ? disk_radiance : Vec3(); }
+  DST_HD DST_COLD float pdf(Vec3 wi) const { return hit(wi) ? cone_pdf(one_minus_cos) : 0.0f; }
   // What enters the scene's cross-section.
   DST_HD float power(const SceneBounds& b) const { return kPi * b.radius * b.radius * luminance(irradiance); }
 

@@ -23,6 +23,8 @@ void append(std::vector<T>* to, const std::vector<T>& from) {
 }
 
 void check_invertible(const Transform& t) {
+  if (!is_finite({t.m[0][3], t.m[1][3], t.m[2][3]}))
+    fail("transform: translation " + text({t.m[0][3], t.m[1][3], t.m[2][3]}) + "; expected finite numbers");
   const float det = t.determinant();
   if (!std::isfinite(det) || det == 0)
     fail("transform: determinant " + std::to_string(det) + "; expected an invertible matrix of finite numbers");
@@ -63,6 +65,30 @@ const Slot& surface_slot(const std::vector<Slot>& surface, std::string_view name
     if (name == SurfaceParams::params[i].name) return surface[i];
   fail("no surface parameter " + std::string(name));
 }
+
+// True if the material has delta lobes only, wherever it is. Textured parameters make it false.
+struct IsDeltaOnly {
+  const Slot* slots;
+  template <class T>
+  bool operator()() const {
+    return check<T>(std::make_index_sequence<T::params.size()>{});
+  }
+  template <class T, size_t... I>
+  bool check(std::index_sequence<I...>) const {
+    if (!(slots[I].is_constant() && ...)) return false;
+    T bsdf;
+    (set_param<T, I>(bsdf, slots[I].value), ...);
+    // A rough interface of equal indices is a delta as well, but only there: ask twice.
+    for (const float outside : {1.0f, 1.37f}) {
+      BsdfContext context;
+      context.outside_ior = outside;
+      T b = bsdf;
+      prepare(b, context);
+      if (!only_delta(b)) return false;
+    }
+    return true;
+  }
+};
 
 struct MaterialParamCount {
   template <class T>
@@ -168,6 +194,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   if (!is_black(emission.value) || power > 0) m.flags |= kHasEmission;
   if (two_sided) m.flags |= kEmissionTwoSided;
   if (!normal_map.is_constant()) m.flags |= kHasNormalMap;
+  if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {
     check_material(mix_first);
     check_material(mix_second);

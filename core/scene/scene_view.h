@@ -24,6 +24,7 @@ enum MaterialFlag : uint32_t {
   kNeedsUv = 64,            // some texture wants texture coordinates
   kIsMix = 128,
   kOpaqueToShadows = 256,   // blocks shadow rays for sure
+  kDeltaOnly = 512,         // every lobe is a delta: sampling lights is of no use
 };
 
 // A material: the BSDF's own parameters and those that every surface has.

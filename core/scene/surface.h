@@ -11,6 +11,7 @@ struct Surface {
   Vec3 ng;                 // geometric normal, unit, on the outward side
   Vec3 ns;                 // shading normal, unit, on ng's side
   Vec3 tangent;            // direction of growing u, any length; 0 if unknown
+  bool mirrored = false;   // v grows against ns x tangent, not along it: the image is seen as in a mirror
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};  // vertex colour
   uint32_t material = 0;
@@ -24,6 +25,7 @@ DST_FN Vec3 face_towards(Vec3 n, Vec3 v) { return dot(n, v) < 0 ? -n : n; }
 struct Attributes {
   Vec3 ns;                 // any length; 0: none
   Vec3 tangent;            // direction of growing u; 0: none
+  bool mirrored = false;   // v grows against (winding normal) x tangent
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};
 };
@@ -51,6 +53,7 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
     const Vec2 d1 = tb - ta, d2 = tc - ta;
     const float det = d1.x * d2.y - d1.y * d2.x;
     if (det != 0) s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
+    s.mirrored = det < 0;
   } else {
     s.uv = at;
   }
@@ -73,6 +76,7 @@ DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surf
   s.ng = normalize(local.transposed_vector(s.ng));
   s.ns = local.transposed_vector(s.ns);
   s.tangent = world.vector(s.tangent);
+  s.mirrored = s.mirrored != (instance.flipped != 0);
   return s;
 }
 
@@ -96,6 +100,7 @@ DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& h
       const Vec3 outward = prim.b.x < 0 ? -q.normal : q.normal;
       s.uv = sphere_uv(outward);
       s.tangent = sphere_tangent(outward);
+      s.mirrored = prim.b.x < 0;
     }
   } else {
     const TriangleVertices v = triangle_at(scene.geometry, prim, ray.time);
@@ -106,6 +111,7 @@ DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& h
     const Attributes a = interpolate_attributes(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v);
     if (length_squared(a.ns) > 0) s.ns = a.ns;
     s.tangent = a.tangent;
+    s.mirrored = a.mirrored != (object.flipped != 0);
     s.uv = a.uv;
     s.color = a.color;
   }
@@ -120,7 +126,8 @@ DST_FN TextureContext texture_context(const Surface& s) { return {s.p, s.uv, s.c
 // The normal that a glTF normal map bends ns to: x along the tangent, y along growing v, z along ns.
 DST_FN Vec3 apply_normal_map(const Surface& s, Vec3 sampled, float scale) {
   if (length_squared(s.tangent) == 0) return s.ns;
-  const Vec3 local{(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * scale, 2 * sampled.z - 1};
+  const float up = s.mirrored ? -scale : scale;
+  const Vec3 local{(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * up, 2 * sampled.z - 1};
   const Frame frame = Frame::from_zx(s.ns, s.tangent);
   const Vec3 n = frame.to_world(local);
   return length_squared(n) > 0 && dot(n, s.ng) > 0 ? normalize(n) : s.ns;

@@ -27,7 +27,7 @@ struct RayFrame {
     RayFrame f;
     // Any two vectors across d; their scale cancels.
     f.x = fabsf(d.x) > fabsf(d.y) ? Vec3(-d.z, 0, d.x) : Vec3(0, d.z, -d.y);
-    f.y = cross(d, f.x) * (1.0f / length_squared(d));
+    f.y = cross(d, f.x);
     return f;
   }
 };
@@ -37,9 +37,10 @@ struct TriangleHit {
   float u = 0, v = 0;   // weights of b and c
 };
 
-// Nearest crossing with 0 < t < t_max. Edges and vertices belong to every triangle that shares them. t comes from the
-// plane, not from the projected vertices: its sign is then right whenever the origin is off the plane by more than the
-// error that triangle_point reports, at any angle.
+// Nearest crossing with 0 < t < t_max. Edges and vertices belong to every triangle that shares them. t is the
+// distance from the plane over its speed of change, so its sign is right whenever the origin is off the plane by more than
+// the error that triangle_point reports, at any angle. The plane is held to the crossing, not to a corner: the normal of a
+// sliver is not precise enough to reach across it.
 DST_FN TriangleHit intersect_triangle(Vec3 origin, Vec3 direction, const RayFrame& frame, float t_max, Vec3 a, Vec3 b, Vec3 c) {
   const Vec3 pa = a - origin, pb = b - origin, pc = c - origin;
   const float ax = dot(pa, frame.x), ay = dot(pa, frame.y);
@@ -50,13 +51,16 @@ DST_FN TriangleHit intersect_triangle(Vec3 origin, Vec3 direction, const RayFram
   const float w = product_difference(bx, ay, by, ax);  // opposite c
   if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return {};
   const float det = u + v + w;
-  const Vec3 n = cross(b - a, c - a);
+  const Vec3 ab = b - a, ac = c - a, n = cross(ab, ac);
   const float cosine = dot(n, direction);
   if (det == 0 || cosine == 0) return {};
-  const float t = dot(n, pa) / cosine;
-  if (!(t > 0 && t < t_max)) return {};
   const float scale = 1.0f / det;
-  return {t, v * scale, w * scale};
+  TriangleHit h;
+  h.u = v * scale;
+  h.v = w * scale;
+  const float t = dot(n, pa + ab * h.u + ac * h.v) / cosine;
+  if (t > 0 && t < t_max) h.t = t;
+  return h;
 }
 
 // The point with weights (1-u-v, u, v), and a bound on its error (pbrt 4, section 6.8.4) that also covers what

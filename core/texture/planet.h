@@ -70,8 +70,8 @@ DST_HD inline Vec3 PlanetTexture::land_color(Vec3 d, float height, float tempera
   const Vec3 desert(0.47f, 0.31f, 0.15f), tundra(0.20f, 0.17f, 0.12f), rock(0.16f, 0.125f, 0.10f);
   // Air sinks, and deserts lie, about 25 degrees from the equator.
   const float dry_belt = expf(-sqr((fabsf(d.y) - 0.42f) * (1.0f / 0.20f)));
-  const float moisture = 0.60f - 0.42f * dry_belt + 0.9f * fractal(d * 2.7f, 3, 6) - 0.05f * height;
-  const float grain = fractal(d * 18.0f, 3, 8);
+  const float moisture = 0.60f - 0.42f * dry_belt + 0.9f * fractal(d * 2.7f, 4, 6) - 0.05f * height;
+  const float grain = fractal(d * 18.0f, 5, 8);
   const Vec3 wet = lerp(forest, rainforest, smooth_step(0.60f, 0.85f, temperature));
   Vec3 c = lerp(grass, wet, smooth_step(0.45f, 0.70f, moisture + 0.2f * grain));
   c = lerp(desert * (1.0f + 0.6f * grain), c, smooth_step(0.22f, 0.47f, moisture + 0.1f * grain));
@@ -105,7 +105,7 @@ DST_HD inline Vec4 PlanetTexture::eval(const TextureContext& c, const TextureDat
   Vec3 surface;
   float solid = 1;
   if (height > 0) {
-    const float ridges = 1.0f - fabsf(fractal(d * 4.0f, 4, 28)) * 3.0f;
+    const float ridges = 1.0f - fabsf(fractal(d * 4.0f, 5, 28)) * 3.0f;
     const float range = smooth_step(-0.05f, 0.35f, fractal(d * 2.1f, 2, 32));
     const float mountain = mountains * range * smooth_step(0.05f, 0.6f, height) * max(ridges, 0.0f);
     temperature -= 0.30f * mountain + 0.05f * height;
