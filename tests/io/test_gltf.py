@@ -189,6 +189,17 @@ def test_points_and_lines_are_noted(mode: int, tmp_path: Path) -> None:
     assert any("points and lines" in note for note in scene.notes)
 
 
+def test_instances_of_nothing_are_left_out(tmp_path: Path) -> None:
+    g = Gltf()
+    mesh = g.mesh({"POSITION": g.accessor(QUAD)}, mode=0)
+    for _ in range(2):
+        g.node(mesh=mesh)
+    scene = loaded(g, tmp_path)
+    assert scene.shapes == []
+    assert scene.groups == {}
+    assert len(scene.notes) == 1
+
+
 def test_incomplete_triangle_is_noted(tmp_path: Path) -> None:
     g = Gltf()
     g.node(mesh=g.mesh({"POSITION": g.accessor(QUAD)}))

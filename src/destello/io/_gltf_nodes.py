@@ -143,6 +143,8 @@ class Placer:
                 for world in matrices:
                     self._add_shapes(self._meshes.shapes(p.mesh, pose), world, label, p.node)
                 continue
+            if not self._meshes.shapes(p.mesh):
+                continue
             if p.mesh.index not in groups:
                 groups[p.mesh.index] = self._group(p.mesh)
             for world in p.matrices:
