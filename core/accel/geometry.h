@@ -37,6 +37,7 @@ struct Instance {
   uint32_t root = 0;       // node index of the group's tree
   uint32_t light_base = 0xffffffffU;  // first light of the group's emitters in this instance
   uint32_t moving = 0;
+  uint32_t similar = 0;    // never stretches: spheres stay spheres
   uint32_t flipped = 0;    // the transform mirrors: a triangle's world-space vertices wind the other way round
 
   DST_HD Transform world_at(float time) const { return moving ? lerp(to_world, to_world_end, time) : to_world; }

@@ -14,9 +14,14 @@
 namespace destello {
 
 struct GenerateCamera {
-  Vec2 film, lens;
+  Vec2 film;
+  const Sampler& sampler;
   template <class C>
   DST_HD CameraRay operator()(const C& camera) const {
+    Vec2 lens{0.5f, 0.5f};
+    if constexpr (requires { camera.aperture_radius; }) {
+      if (camera.aperture_radius > 0) lens = sampler.get_2d(kDimLens);
+    }
     return camera.generate(film, lens);
   }
 };
@@ -37,7 +42,7 @@ DST_FN Path generate(const RenderSettings& settings, const InteriorStack& camera
   path.sampler = Sampler(settings.seed, y * settings.width + x, sample);
   const FilterSample f = settings.filter.visit(SampleFilter{path.sampler.get_2d(kDimFilter)});
   const Vec2 film{static_cast<float>(x) + 0.5f + f.offset.x, static_cast<float>(y) + 0.5f + f.offset.y};
-  const CameraRay r = settings.camera.visit(GenerateCamera{film, path.sampler.get_2d(kDimLens)});
+  const CameraRay r = settings.camera.visit(GenerateCamera{film, path.sampler});
   path.ray.origin = r.origin;
   path.ray.direction = r.direction;
   path.ray.time = settings.time0;
@@ -78,8 +83,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
   const MaterialSample answer = dispatch(
       Materials{}, m.type,
-      AskMaterial{scene, m.first_slot, texture, point, path->sampler, to_light, has_light,
-                  path->sampler.get_1d(bounce_dimension(*path, kDimLobe)), path->sampler.get_2d(bounce_dimension(*path, kDimDirection))});
+      AskMaterial{scene, m.first_slot, texture, point, path->sampler, bounce_dimension(*path, kDimLobe),
+                  bounce_dimension(*path, kDimDirection), to_light, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {

@@ -97,10 +97,9 @@ struct AskMaterial {
   const TextureContext& texture;
   const ShadingPoint& point;
   const Sampler& sampler;
+  uint32_t lobe_dimension, direction_dimension;  // of the sampler
   Vec3 light;       // local direction towards a light, if has_light
   bool has_light;
-  float u_lobe;
-  Vec2 u_direction;
 
   template <class T>
   DST_HD MaterialSample operator()() const {
@@ -118,7 +117,7 @@ struct AskMaterial {
       r.f = bsdf.eval(point.wo, light);
       r.pdf = bsdf.pdf(point.wo, light);
     }
-    r.next = bsdf.sample(point.wo, u_lobe, u_direction);
+    r.next = bsdf.sample(point.wo, sampler.get_1d(lobe_dimension), sampler.get_2d(direction_dimension));
     return r;
   }
 };

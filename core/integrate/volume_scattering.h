@@ -9,7 +9,9 @@ namespace destello {
 DST_FN void pass_straight(Path* path, const Surface& s, float t) {
   path->ray.origin = offset_origin(s.p, s.error, s.ng, path->ray.direction);
   path->travelled += t;
-  ++path->passes;
+  // No scene means so many; one whose boundaries coincide must not hold the renderer forever.
+  constexpr uint16_t kMaxPasses = 4096;
+  if (++path->passes == kMaxPasses) path->alive = false;
 }
 
 DST_FN void cross_boundary(InteriorStack* inside, uint32_t interior, bool front) {

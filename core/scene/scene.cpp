@@ -30,6 +30,21 @@ void check_invertible(const Transform& t) {
     fail("transform: determinant " + std::to_string(det) + "; expected an invertible matrix of finite numbers");
 }
 
+// Rotation, mirroring and uniform scale only.
+bool is_similarity(const Transform& t) {
+  const Vec3 x = t.vector({1, 0, 0}), y = t.vector({0, 1, 0}), z = t.vector({0, 0, 1});
+  const float s = length_squared(x), tolerance = 1e-5f * s;
+  return std::fabs(length_squared(y) - s) <= tolerance && std::fabs(length_squared(z) - s) <= tolerance &&
+         std::fabs(dot(x, y)) <= tolerance && std::fabs(dot(y, z)) <= tolerance && std::fabs(dot(z, x)) <= tolerance;
+}
+
+bool same_linear_part(const Transform& a, const Transform& b) {
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c)
+      if (a.m[r][c] != b.m[r][c]) return false;
+  return true;
+}
+
 bool is_degenerate(Vec3 a, Vec3 b, Vec3 c) { return is_black(cross(b - a, c - a)) || !is_finite(cross(b - a, c - a)); }
 
 // Position of the corner opposite the longest edge. Triangles start with it (in unchanged orientation): the normal, as the
@@ -373,6 +388,7 @@ void SceneBuilder::add_instance(uint32_t group, const Transform& transform, cons
   it.to_world_end = transform_end.value_or(transform);
   it.moving = transform_end.has_value();
   it.flipped = transform.determinant() < 0;
+  it.similar = is_similarity(transform) && same_linear_part(it.to_world, it.to_world_end);
   scene_->arrays_.instances.push_back(it);
   placed_.push_back({group, it.moving != 0});
 }
