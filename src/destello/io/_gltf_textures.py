@@ -18,6 +18,7 @@ from destello.nodes import Node
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
+_LONGEST_PATH = 1000
 
 
 class Textures:
@@ -105,7 +106,7 @@ def relative_path(item: Item, uri: str) -> str:
     if colon and len(scheme) > 1 and scheme.isalnum():
         raise item.error("not a file", "uri", value=uri, expected="a relative path or a data URI")
     path = unquote(uri)
-    if not path or "\0" in path:
+    if not path or "\0" in path or len(path) > _LONGEST_PATH:
         raise item.error("not a path", "uri", value=uri, expected="a relative path or a data URI")
     return path
 
