@@ -84,7 +84,8 @@ nb::dict param_doc(const Param<S>& p) {
   d["max"] = bound(p.hi);
   d["choices"] = choice_list;
   if (p.kind == ParamKind::Scalar) d["default"] = p.fallback.x;
-  if (p.kind == ParamKind::Color || p.kind == ParamKind::Vector) d["default"] = nb::make_tuple(p.fallback.x, p.fallback.y, p.fallback.z);
+  if (p.kind == ParamKind::Color || p.kind == ParamKind::Vector)
+    d["default"] = nb::make_tuple(p.fallback.x, p.fallback.y, p.fallback.z);
   if (p.kind == ParamKind::Bool) d["default"] = p.fallback.x != 0;
   if (p.kind == ParamKind::Enum) d["default"] = choices.at(static_cast<size_t>(p.fallback.x));
   return d;

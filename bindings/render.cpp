@@ -46,7 +46,8 @@ nb::object film_mean(const Film& film) {
   for (size_t i = 0; i < film.pixels(); ++i) {
     const double* s = film.sums.data() + i * kFilmChannels;
     if (s[kWeight] == 0) continue;
-    for (size_t k = 0; k < 3; ++k) out[3 * i + k] = static_cast<float>((s[kSumCoarse + k] + s[kSumFine + k]) / s[kWeight]);
+    for (size_t k = 0; k < 3; ++k)
+      out[3 * i + k] = static_cast<float>((s[kSumCoarse + k] + s[kSumFine + k]) / s[kWeight]);
   }
   return make_array(std::move(out), {film.height, film.width, 3});
 }
@@ -75,12 +76,14 @@ nb::object film_aov(const Film& film, const std::string& name) {
   if (film.aovs.empty()) throw std::invalid_argument("film: made without AOVs");
   const bool depth = name == "depth";
   const size_t first = name == "albedo" ? kAovAlbedo : name == "normal" ? kAovNormal : kAovDepth;
-  if (name != "albedo" && name != "normal" && !depth) throw std::invalid_argument("aov '" + name + "': expected albedo, normal or depth");
+  if (name != "albedo" && name != "normal" && !depth)
+    throw std::invalid_argument("aov '" + name + "': expected albedo, normal or depth");
   const size_t channels = depth ? 1 : 3;
   std::vector<float> out(film.pixels() * channels);
   for (size_t i = 0; i < film.pixels(); ++i) {
     const double* s = film.aovs.data() + i * kAovChannels;
-    for (size_t k = 0; k < channels && s[kAovWeight] > 0; ++k) out[i * channels + k] = static_cast<float>(s[first + k] / s[kAovWeight]);
+    for (size_t k = 0; k < channels && s[kAovWeight] > 0; ++k)
+      out[i * channels + k] = static_cast<float>(s[first + k] / s[kAovWeight]);
   }
   if (depth) return make_array(std::move(out), {film.height, film.width});
   return make_array(std::move(out), {film.height, film.width, channels});
@@ -89,7 +92,8 @@ nb::object film_aov(const Film& film, const std::string& name) {
 nb::dict film_state(const Film& film) {
   nb::dict d;
   d["sums"] = make_array(std::vector<double>(film.sums), {film.height, film.width, size_t(kFilmChannels)});
-  if (!film.aovs.empty()) d["aovs"] = make_array(std::vector<double>(film.aovs), {film.height, film.width, size_t(kAovChannels)});
+  if (!film.aovs.empty())
+    d["aovs"] = make_array(std::vector<double>(film.aovs), {film.height, film.width, size_t(kAovChannels)});
   return d;
 }
 
@@ -105,7 +109,8 @@ void load_channels(nb::handle array, const Film& film, size_t channels, std::vec
 Film* film_from_state(const nb::dict& state) {
   if (!state.contains("sums")) throw std::invalid_argument("film: the state has no 'sums'");
   const auto sums = nb::cast<Doubles>(state["sums"]);
-  auto film = std::make_unique<Film>(static_cast<uint32_t>(sums.shape(1)), static_cast<uint32_t>(sums.shape(0)), state.contains("aovs"));
+  auto film = std::make_unique<Film>(static_cast<uint32_t>(sums.shape(1)), static_cast<uint32_t>(sums.shape(0)),
+                                     state.contains("aovs"));
   load_channels(state["sums"], *film, kFilmChannels, &film->sums);
   if (state.contains("aovs")) load_channels(state["aovs"], *film, kAovChannels, &film->aovs);
   return film.release();
@@ -159,7 +164,8 @@ RenderSettings to_settings(const nb::dict& d, const Film& film, const AnyCamera&
   s.filter = make_one_of(Filters{}, type, filter, [](auto& f) { f.prepare(); });
   s.camera = camera.visit(PrepareCamera{film.width, film.height});
   if (s.max_depth < 1 || s.max_depth > 10000) throw std::invalid_argument("max_depth: expected 1 to 10000");
-  if (!(s.time0 >= 0 && s.time0 <= s.time1 && s.time1 <= 1)) throw std::invalid_argument("time0, time1: expected 0 <= time0 <= time1 <= 1");
+  if (!(s.time0 >= 0 && s.time0 <= s.time1 && s.time1 <= 1))
+    throw std::invalid_argument("time0, time1: expected 0 <= time0 <= time1 <= 1");
   return s;
 }
 
@@ -188,24 +194,29 @@ class Renderer {
     throw std::invalid_argument("device '" + device + "': unknown here");
   }
 
-  nb::dict render(Film& film, uint32_t camera, uint32_t first, uint32_t last, const nb::dict& settings, const nb::object& crop) {
+  nb::dict render(Film& film, uint32_t camera, uint32_t first, uint32_t last, const nb::dict& settings,
+                  const nb::object& crop) {
     if (camera >= scene_.cameras().size()) throw std::invalid_argument("camera: index out of range");
     if (first > last) throw std::invalid_argument("samples: expected first <= last");
     RenderTask task;
     task.settings = to_settings(settings, film, scene_.cameras()[camera]);
     task.crop = {0, 0, film.width, film.height};
     if (!crop.is_none())
-      task.crop = {nb::cast<uint32_t>(crop[0]), nb::cast<uint32_t>(crop[1]), nb::cast<uint32_t>(crop[2]), nb::cast<uint32_t>(crop[3])};
+      task.crop = {nb::cast<uint32_t>(crop[0]), nb::cast<uint32_t>(crop[1]), nb::cast<uint32_t>(crop[2]),
+                   nb::cast<uint32_t>(crop[3])};
     const Rect& c = task.crop;
-    if (c.x0 >= c.x1 || c.y0 >= c.y1 || c.x1 > film.width || c.y1 > film.height) throw std::invalid_argument("crop: outside the film");
+    if (c.x0 >= c.x1 || c.y0 >= c.y1 || c.x1 > film.width || c.y1 > film.height)
+      throw std::invalid_argument("crop: outside the film");
     task.first_sample = first;
     task.last_sample = last;
     const Vec2 center{0.5f * static_cast<float>(film.width), 0.5f * static_cast<float>(film.height)};
-    for (const uint32_t i : scene_.interiors_at(task.settings.camera.visit(CenterRay{center}))) task.camera_inside.push(i);
+    for (const uint32_t i : scene_.interiors_at(task.settings.camera.visit(CenterRay{center})))
+      task.camera_inside.push(i);
     const auto start = std::chrono::steady_clock::now();
     const RenderCounts n = run(task, film);
     nb::dict out;
-    out["rays"] = n.rays, out["samples"] = n.samples, out["nonfinite"] = n.nonfinite, out["device_seconds"] = n.device_seconds;
+    out["rays"] = n.rays, out["samples"] = n.samples, out["nonfinite"] = n.nonfinite,
+    out["device_seconds"] = n.device_seconds;
     out["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     out["cancelled"] = cancel_.load();
     return out;
@@ -259,15 +270,18 @@ void register_render(nb::module_& m) {
       .def_ro("height", &Film::height)
       .def("add", &Film::add, nb::arg("other"))
       .def("mean", &film_mean, "(height, width, 3) float32, linear Rec.709.")
-      .def("variance", &film_variance, "(height, width) float32: variance of the mean's luminance, as estimated; NaN below 2 samples.")
-      .def("weight", &film_weight, "(height, width) float64: the sum of filter signs, for most filters the number of samples.")
+      .def("variance", &film_variance,
+           "(height, width) float32: variance of the mean's luminance, as estimated; NaN below 2 samples.")
+      .def("weight", &film_weight,
+           "(height, width) float64: the sum of filter signs, for most filters the number of samples.")
       .def("aov", &film_aov, nb::arg("name"))
       .def("state", &film_state)
       .def_static("from_state", &film_from_state, nb::arg("state"));
   nb::class_<Renderer>(m, "Renderer", "A scene on a device.")
-      .def(nb::init<const nb::object&, const std::string&, uint32_t>(), nb::arg("scene"), nb::arg("device") = "cpu", nb::arg("threads") = 0)
-      .def("render", &Renderer::render, nb::arg("film"), nb::arg("camera"), nb::arg("first_sample"), nb::arg("last_sample"),
-           nb::arg("settings"), nb::arg("crop") = nb::none())
+      .def(nb::init<const nb::object&, const std::string&, uint32_t>(), nb::arg("scene"), nb::arg("device") = "cpu",
+           nb::arg("threads") = 0)
+      .def("render", &Renderer::render, nb::arg("film"), nb::arg("camera"), nb::arg("first_sample"),
+           nb::arg("last_sample"), nb::arg("settings"), nb::arg("crop") = nb::none())
       .def("cancel", &Renderer::cancel, "Makes a running render return early; from any thread.");
   m.def("devices", &devices);
   m.def("cuda_status", &cuda_status, "Empty if CUDA can be used, else the reason why not.");

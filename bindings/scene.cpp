@@ -46,8 +46,8 @@ WrapMode to_wrap(const std::string& name) {
   throw std::invalid_argument("wrap mode '" + name + "': expected repeat, clamp or mirror");
 }
 
-uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::string& wrap_u, const std::string& wrap_v,
-                   const std::string& filter, const nb::object& uv_transform) {
+uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::string& wrap_u,
+                   const std::string& wrap_v, const std::string& filter, const nb::object& uv_transform) {
   Image image;
   image.height = static_cast<uint32_t>(texels.shape(0));
   image.width = static_cast<uint32_t>(texels.shape(1));
@@ -66,7 +66,8 @@ uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::
   image.srgb = srgb;
   image.wrap_u = to_wrap(wrap_u);
   image.wrap_v = to_wrap(wrap_v);
-  if (filter != "bilinear" && filter != "nearest") throw std::invalid_argument("filter '" + filter + "': expected bilinear or nearest");
+  if (filter != "bilinear" && filter != "nearest")
+    throw std::invalid_argument("filter '" + filter + "': expected bilinear or nearest");
   image.bilinear = filter == "bilinear";
   if (!uv_transform.is_none())
     for (size_t r = 0; r < 2; ++r)
@@ -103,7 +104,8 @@ uint32_t add_material(SceneBuilder& b, const std::string& type, const nb::dict& 
   });
   uint32_t first = kNoIndex, second = kNoIndex;
   if (mix) {
-    if (!params.contains("first") || !params.contains("second")) throw std::invalid_argument("mix: expected first and second");
+    if (!params.contains("first") || !params.contains("second"))
+      throw std::invalid_argument("mix: expected first and second");
     first = nb::cast<uint32_t>(params["first"]);
     second = nb::cast<uint32_t>(params["second"]);
   }
@@ -111,8 +113,8 @@ uint32_t add_material(SceneBuilder& b, const std::string& type, const nb::dict& 
 }
 
 nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indices, const std::optional<Rows3>& normals,
-                   const std::optional<Rows2>& uvs, const std::optional<Rows4>& colors, const std::optional<Rows3>& positions1,
-                   const std::optional<Rows3>& normals1) {
+                   const std::optional<Rows2>& uvs, const std::optional<Rows4>& colors,
+                   const std::optional<Rows3>& positions1, const std::optional<Rows3>& normals1) {
   MeshData m;
   m.positions = copy<Vec3>(positions);
   m.indices.assign(indices.data(), indices.data() + indices.size());
@@ -126,14 +128,17 @@ nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indic
   return nb::make_tuple(id, dropped);
 }
 
-void set_environment(SceneBuilder& b, const std::string& type, const nb::dict& params, const nb::object& transform,
-                     const std::optional<nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>>& image) {
+void set_environment(
+    SceneBuilder& b, const std::string& type, const nb::dict& params, const nb::object& transform,
+    const std::optional<nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>>& image) {
   Environment e;
   e.kind = make_one_of(Environments{}, type, params, [](auto&) {});
   if (!transform.is_none()) e.transform(to_transform(transform));
   EnvironmentTables tables;
   if (e.kind.tag() == index_of<ImageEnvironment>(Environments{})) {
-    if (!image) throw std::invalid_argument("image: an environment of type image needs one, an array (height, width, 3) of float32");
+    if (!image)
+      throw std::invalid_argument(
+          "image: an environment of type image needs one, an array (height, width, 3) of float32");
     tables = build_environment(image->data(), image->shape(1), image->shape(0));
   }
   b.set_environment(e, std::move(tables));
@@ -148,63 +153,84 @@ nb::dict stats(const Scene& scene) {
   d["build_seconds"] = s.build_seconds, d["bvh_nodes"] = scene.arrays().nodes.size();
   d["bvh_depth"] = s.world.depth, d["sah_cost"] = s.world.sah_cost;
   const Bounds& b = scene.bounds();
-  d["bounds"] = b.empty() ? nb::object(nb::none())
-                          : nb::object(nb::make_tuple(nb::make_tuple(b.lo.x, b.lo.y, b.lo.z), nb::make_tuple(b.hi.x, b.hi.y, b.hi.z)));
+  d["bounds"] =
+      b.empty()
+          ? nb::object(nb::none())
+          : nb::object(nb::make_tuple(nb::make_tuple(b.lo.x, b.lo.y, b.lo.z), nb::make_tuple(b.hi.x, b.hi.y, b.hi.z)));
   return d;
 }
 
 }  // namespace
 
 void register_scene(nb::module_& m) {
-  m.def("schema", [] {
-    nb::dict d;
-    d["materials"] = type_docs(Materials{});
-    d["surface"] = param_docs<SurfaceParams>();
-    d["textures"] = type_docs(Textures{});
-    d["lights"] = type_docs(Lights{});
-    d["environments"] = type_docs(Environments{});
-    d["cameras"] = type_docs(Cameras{});
-    d["filters"] = type_docs(Filters{});
-    return d;
-  }, "The declared parameters of everything that a scene is made of.");
+  m.def(
+      "schema",
+      [] {
+        nb::dict d;
+        d["materials"] = type_docs(Materials{});
+        d["surface"] = param_docs<SurfaceParams>();
+        d["textures"] = type_docs(Textures{});
+        d["lights"] = type_docs(Lights{});
+        d["environments"] = type_docs(Environments{});
+        d["cameras"] = type_docs(Cameras{});
+        d["filters"] = type_docs(Filters{});
+        return d;
+      },
+      "The declared parameters of everything that a scene is made of.");
 
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
   nb::class_<SceneBuilder>(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input raises ValueError.")
       .def(nb::init<>())
-      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat", nb::arg("wrap_v") = "repeat",
-           nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none())
+      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
+           nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none())
       .def("add_texture", &add_texture, nb::arg("type"), nb::arg("params"))
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
-      .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(), nb::arg("uvs") = nb::none(),
-           nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(), nb::arg("normals1") = nb::none())
+      .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),
+           nb::arg("uvs") = nb::none(), nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(),
+           nb::arg("normals1") = nb::none())
       .def("add_group", &SceneBuilder::add_group)
-      .def("place_mesh", [](SceneBuilder& b, uint32_t group, uint32_t mesh, uint32_t material, const nb::object& t0, const nb::object& t1) {
-             b.place_mesh(group, mesh, material, maybe_transform(t0), maybe_transform(t1));
-           }, nb::arg("group"), nb::arg("mesh"), nb::arg("material"), nb::arg("transform") = nb::none(), nb::arg("transform1") = nb::none())
-      .def("add_spheres", [](SceneBuilder& b, uint32_t group, const Rows3& centers, const Numbers& radii, uint32_t material,
-                             const std::optional<Rows3>& centers1) {
-             b.add_spheres(group, copy<Vec3>(centers), copy<float>(radii), material, copy<Vec3>(centers1));
-           }, nb::arg("group"), nb::arg("centers"), nb::arg("radii"), nb::arg("material"), nb::arg("centers1") = nb::none())
-      .def("add_instance", [](SceneBuilder& b, uint32_t group, uint32_t child, const nb::object& t0, const nb::object& t1) {
-             if (group != 0) throw std::invalid_argument("instances can only be placed in group 0, the world");
-             b.add_instance(child, to_transform(t0), maybe_transform(t1));
-           }, nb::arg("group"), nb::arg("child_group"), nb::arg("transform"), nb::arg("transform1") = nb::none())
-      .def("add_light", [](SceneBuilder& b, const std::string& type, const nb::dict& params, const nb::object& transform) {
-             const std::optional<Transform> t = maybe_transform(transform);
-             b.add_light(make_one_of(Lights{}, type, params, [&](auto& light) {
-               if (const char* problem = light.problem()) throw std::invalid_argument(problem);
-               if (t) light.transform(*t);
-               light.prepare();
-             }));
-           }, nb::arg("type"), nb::arg("params"), nb::arg("transform") = nb::none())
+      .def(
+          "place_mesh",
+          [](SceneBuilder& b, uint32_t group, uint32_t mesh, uint32_t material, const nb::object& t0,
+             const nb::object& t1) { b.place_mesh(group, mesh, material, maybe_transform(t0), maybe_transform(t1)); },
+          nb::arg("group"), nb::arg("mesh"), nb::arg("material"), nb::arg("transform") = nb::none(),
+          nb::arg("transform1") = nb::none())
+      .def(
+          "add_spheres",
+          [](SceneBuilder& b, uint32_t group, const Rows3& centers, const Numbers& radii, uint32_t material,
+             const std::optional<Rows3>& centers1) {
+            b.add_spheres(group, copy<Vec3>(centers), copy<float>(radii), material, copy<Vec3>(centers1));
+          },
+          nb::arg("group"), nb::arg("centers"), nb::arg("radii"), nb::arg("material"), nb::arg("centers1") = nb::none())
+      .def(
+          "add_instance",
+          [](SceneBuilder& b, uint32_t group, uint32_t child, const nb::object& t0, const nb::object& t1) {
+            if (group != 0) throw std::invalid_argument("instances can only be placed in group 0, the world");
+            b.add_instance(child, to_transform(t0), maybe_transform(t1));
+          },
+          nb::arg("group"), nb::arg("child_group"), nb::arg("transform"), nb::arg("transform1") = nb::none())
+      .def(
+          "add_light",
+          [](SceneBuilder& b, const std::string& type, const nb::dict& params, const nb::object& transform) {
+            const std::optional<Transform> t = maybe_transform(transform);
+            b.add_light(make_one_of(Lights{}, type, params, [&](auto& light) {
+              if (const char* problem = light.problem()) throw std::invalid_argument(problem);
+              if (t) light.transform(*t);
+              light.prepare();
+            }));
+          },
+          nb::arg("type"), nb::arg("params"), nb::arg("transform") = nb::none())
       .def("set_environment", &set_environment, nb::arg("type"), nb::arg("params"), nb::arg("transform") = nb::none(),
            nb::arg("image") = nb::none())
-      .def("add_camera", [](SceneBuilder& b, const std::string& type, const nb::dict& params) {
-             return b.add_camera(make_one_of(Cameras{}, type, params, [](auto& camera) {
-               if (const char* problem = camera.problem()) throw std::invalid_argument(problem);
-             }));
-           }, nb::arg("type"), nb::arg("params"))
+      .def(
+          "add_camera",
+          [](SceneBuilder& b, const std::string& type, const nb::dict& params) {
+            return b.add_camera(make_one_of(Cameras{}, type, params, [](auto& camera) {
+              if (const char* problem = camera.problem()) throw std::invalid_argument(problem);
+            }));
+          },
+          nb::arg("type"), nb::arg("params"))
       .def("build", &SceneBuilder::build, nb::call_guard<nb::gil_scoped_release>());
 }
 

@@ -113,7 +113,8 @@ nb::dict trace_rays(const Scene& scene, const std::string& method, const Rows& o
     t.data[i] = kInfinity;
     if (!h.found()) continue;
     const LeafPrimitive& p = scene.view().geometry.leaves[h.leaf];
-    t.data[i] = h.t, u.data[i] = h.u, v.data[i] = h.v;
+    t.data[i] = h.t;
+    if (p.kind() != PrimitiveKind::Sphere) u.data[i] = h.u, v.data[i] = h.v;  // means nothing for spheres
     leaf.data[i] = static_cast<int32_t>(h.leaf), instance.data[i] = static_cast<int32_t>(h.instance);
     object.data[i] = static_cast<int32_t>(p.object), primitive.data[i] = static_cast<int32_t>(p.primitive);
   }

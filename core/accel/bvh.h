@@ -92,12 +92,12 @@ DST_FN uint32_t NodeTest::hits(const Node8& node, float t_max) const {
   const uint32_t* hi = reinterpret_cast<const uint32_t*>(node.hi);
   const uint32_t* meta = reinterpret_cast<const uint32_t*>(node.meta);
   uint32_t result = 0;
-DST_UNROLL
+  DST_UNROLL
   for (int half = 0; half < 2; ++half) {
     const uint32_t nx = octant & 1 ? lo[half] : hi[half], fx = octant & 1 ? hi[half] : lo[half];
     const uint32_t ny = octant & 2 ? lo[2 + half] : hi[2 + half], fy = octant & 2 ? hi[2 + half] : lo[2 + half];
     const uint32_t nz = octant & 4 ? lo[4 + half] : hi[4 + half], fz = octant & 4 ? hi[4 + half] : lo[4 + half];
-DST_UNROLL
+    DST_UNROLL
     for (int i = 0; i < 4; ++i) {
       const float tnx = byte_as_offset_float(nx, i) * x.scale + x.bias;
       const float tny = byte_as_offset_float(ny, i) * y.scale + y.bias;
@@ -141,12 +141,12 @@ struct Group {
 
 // A ray's way through the tree, one node at a time, so that a warp can look up between steps which of its lanes are done.
 struct Traversal {
-  Vec3 origin, direction;        // the ray in the space that it is in: the world's or an instance's
+  Vec3 origin, direction;  // the ray in the space that it is in: the world's or an instance's
   NodeTest test;
-  Group nodes;                   // where it goes on; the rest is on the stack
-  int top = 0, floor = 0;        // stack height; that at which the current instance ends
+  Group nodes;             // where it goes on; the rest is on the stack
+  int top = 0, floor = 0;  // stack height; that at which the current instance ends
   uint32_t instance = Hit::kNone;
-  bool any = false;              // any hit ends it
+  bool any = false;  // any hit ends it
   Hit hit;
 
   DST_HD void start(const Ray& ray, bool any_hit) {

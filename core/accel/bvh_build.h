@@ -29,8 +29,8 @@ Bounds transform_bounds(const Transform& t, const Bounds& b);
 
 struct BvhStats {
   uint32_t nodes = 0;
-  uint32_t depth = 0;    // levels of wide nodes
-  float sah_cost = 0;    // expected node tests + primitive tests of a random ray that hits the root's box
+  uint32_t depth = 0;  // levels of wide nodes
+  float sah_cost = 0;  // expected node tests + primitive tests of a random ray that hits the root's box
 };
 
 // Appends to `nodes` a tree over the boxes and returns the index of its root. `order` receives the positions of the boxes

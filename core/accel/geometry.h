@@ -12,11 +12,11 @@ enum class PrimitiveKind : uint32_t { Triangle, Sphere, MovingTriangle, Instance
 
 // One primitive, stored in leaf order so that a leaf is read in one go. 48 bytes: three 16-byte loads.
 struct alignas(16) LeafPrimitive {
-  Vec3 a;                  // triangle: first vertex. sphere: centre at time 0
-  uint32_t object = 0;     // index into the scene's objects; Instance: index of the instance
-  Vec3 b;                  // triangle: second vertex. sphere: (radius, 0, 0); a negative radius turns the normal inwards
-  uint32_t primitive = 0;  // position within the object
-  Vec3 c;                  // triangle: third vertex. sphere: displacement of the centre from time 0 to 1
+  Vec3 a;               // triangle: first vertex. sphere: centre at time 0
+  uint32_t object = 0;  // index into the scene's objects; Instance: index of the instance
+  Vec3 b;               // triangle: second vertex. sphere: (radius, 0, 0); a negative radius turns the normal inwards
+  uint32_t primitive = 0;       // position within the object
+  Vec3 c;                       // triangle: third vertex. sphere: displacement of the centre from time 0 to 1
   uint32_t kind_and_extra = 0;  // bits 0-1: PrimitiveKind; above: MovingTriangle's index into GeometryView::moving
 
   DST_HD PrimitiveKind kind() const { return static_cast<PrimitiveKind>(kind_and_extra & 3); }
@@ -31,14 +31,14 @@ struct TriangleVertices {
 
 // A group of shapes placed in the world by an affine transform, which moves linearly if `moving`.
 struct Instance {
-  Transform to_world;      // at time 0
-  Transform to_local;      // inverse of to_world; of use only if not moving
-  Transform to_world_end;  // at time 1
-  uint32_t root = 0;       // node index of the group's tree
+  Transform to_world;                 // at time 0
+  Transform to_local;                 // inverse of to_world; of use only if not moving
+  Transform to_world_end;             // at time 1
+  uint32_t root = 0;                  // node index of the group's tree
   uint32_t light_base = 0xffffffffU;  // first light of the group's emitters in this instance
   uint32_t moving = 0;
-  uint32_t similar = 0;    // never stretches: spheres stay spheres
-  uint32_t flipped = 0;    // the transform mirrors: a triangle's world-space vertices wind the other way round
+  uint32_t similar = 0;  // never stretches: spheres stay spheres
+  uint32_t flipped = 0;  // the transform mirrors: a triangle's world-space vertices wind the other way round
 
   DST_HD Transform world_at(float time) const { return moving ? lerp(to_world, to_world_end, time) : to_world; }
   DST_HD Transform local_at(float time) const { return moving ? moving_local_at(time) : to_local; }
@@ -57,9 +57,9 @@ struct GeometryView {
   const TriangleVertices* moving = nullptr;
   uint32_t has_instances = 0;
   // Host only: see sphere_blocks.h.
-  uint32_t only_blocks = 0;                         // 1: every leaf primitive is in a block
+  uint32_t only_blocks = 0;  // 1: every leaf primitive is in a block
   const SphereBlock* blocks = nullptr;
-  const uint32_t* blocks_of_node = nullptr;         // position of the first << 2 | number of them (0-3); null: no blocks
+  const uint32_t* blocks_of_node = nullptr;  // position of the first << 2 | number of them (0-3); null: no blocks
 };
 
 // The vertices of a (moving) triangle at a time.

@@ -46,7 +46,8 @@ bool build_sphere_blocks(const std::vector<Node8>& nodes, const std::vector<Leaf
       continue;
     }
     (*blocks_of_node)[i] = static_cast<uint32_t>(blocks->size()) << 2 | (n + 7) / 8;
-    for (uint32_t k = 0; k < n; k += 8) blocks->push_back(make_block(first + k, nodes[i].first_leaf + k, std::min(n - k, 8u)));
+    for (uint32_t k = 0; k < n; k += 8)
+      blocks->push_back(make_block(first + k, nodes[i].first_leaf + k, std::min(n - k, 8u)));
   }
   return all && !blocks->empty();
 }

@@ -9,12 +9,12 @@ namespace destello {
 
 // Up to eight spheres, neighbours in leaf order. Unused lanes hold NaN, which nothing hits.
 struct alignas(32) SphereBlock {
-  float x[8], y[8], z[8];     // centres at time 0
+  float x[8], y[8], z[8];  // centres at time 0
   float radius[8];
   float dx[8], dy[8], dz[8];  // displacements from time 0 to 1
   uint32_t first = 0;         // leaf primitive of lane 0
   uint32_t count = 0;
-  uint32_t moving = 0;        // some displacement is not 0
+  uint32_t moving = 0;  // some displacement is not 0
 };
 
 // Fills `blocks`, and for each node its entry of GeometryView::blocks_of_node. A node has blocks if all of its leaf

@@ -56,16 +56,20 @@ inline uint32_t HostNodeTest::boxes(const Node8& node, float t_max, float* near_
   const __m128i exponents = _mm_slli_epi32(_mm_cvtepu8_epi32(_mm_srli_si128(head, 12)), 23);
   const __m128 scale = _mm_mul_ps(_mm_blend_ps(_mm_castsi128_ps(exponents), _mm_setzero_ps(), 8), reciprocal);
   const __m128 bias = _mm_mul_ps(_mm_sub_ps(corner, origin), reciprocal);
-  const auto plane = [&](uint32_t offset, __m256 s, __m256 b) { return _mm256_fmadd_ps(load_bytes(bytes + offset), s, b); };
+  const auto plane = [&](uint32_t offset, __m256 s, __m256 b) {
+    return _mm256_fmadd_ps(load_bytes(bytes + offset), s, b);
+  };
   const __m256 sx = _mm256_broadcastss_ps(scale), bx = _mm256_broadcastss_ps(bias);
-  const __m256 sy = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0x55)), by = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0x55));
-  const __m256 sz = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0xaa)), bz = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0xaa));
+  const __m256 sy = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0x55)),
+               by = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0x55));
+  const __m256 sz = _mm256_broadcastss_ps(_mm_permute_ps(scale, 0xaa)),
+               bz = _mm256_broadcastss_ps(_mm_permute_ps(bias, 0xaa));
   const __m256 nx = plane(near[0], sx, bx), fx = plane(far[0], sx, bx);
   const __m256 ny = plane(near[1], sy, by), fy = plane(far[1], sy, by);
   const __m256 nz = plane(near[2], sz, bz), fz = plane(far[2], sz, bz);
   const __m256 tn = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, _mm256_setzero_ps()));
-  const __m256 tf = _mm256_min_ps(
-      _mm256_mul_ps(_mm256_min_ps(_mm256_min_ps(fx, fy), fz), _mm256_set1_ps(kRobustFar)), _mm256_set1_ps(t_max));
+  const __m256 tf = _mm256_min_ps(_mm256_mul_ps(_mm256_min_ps(_mm256_min_ps(fx, fy), fz), _mm256_set1_ps(kRobustFar)),
+                                  _mm256_set1_ps(t_max));
   _mm256_storeu_ps(near_out, tn);
   return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(tn, tf, _CMP_LE_OQ)));
 }
@@ -79,7 +83,8 @@ inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near_o
 // The nearest hit with a sphere of the block before *t: moves *t there and returns its lane, else -1. Operation by
 // operation what intersect_sphere does.
 inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
-  const __m256 dx = _mm256_set1_ps(ray.direction.x), dy = _mm256_set1_ps(ray.direction.y), dz = _mm256_set1_ps(ray.direction.z);
+  const __m256 dx = _mm256_set1_ps(ray.direction.x), dy = _mm256_set1_ps(ray.direction.y),
+               dz = _mm256_set1_ps(ray.direction.z);
   __m256 cx = _mm256_load_ps(block.x), cy = _mm256_load_ps(block.y), cz = _mm256_load_ps(block.z);
   if (block.moving != 0) {
     const __m256 time = _mm256_set1_ps(ray.time);
@@ -161,7 +166,8 @@ inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) 
 inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
   int lane = -1;
   for (uint32_t i = 0; i < block.count; ++i) {
-    const Vec3 center = Vec3(block.x[i], block.y[i], block.z[i]) + Vec3(block.dx[i], block.dy[i], block.dz[i]) * ray.time;
+    const Vec3 center =
+        Vec3(block.x[i], block.y[i], block.z[i]) + Vec3(block.dx[i], block.dy[i], block.dz[i]) * ray.time;
     const float t = intersect_sphere(ray.origin, ray.direction, *t_hit, center, block.radius[i]);
     if (t == kInfinity) continue;
     *t_hit = t;
@@ -213,7 +219,8 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
   int top = 0, floor = 0;
   uint32_t instance = Hit::kNone;
   bool found = false;
-  LocalRay local = kOnlyBlocks ? LocalRay{ray.origin, ray.direction, {}, ray.time} : LocalRay::make(ray.origin, ray.direction, ray.time);
+  LocalRay local = kOnlyBlocks ? LocalRay{ray.origin, ray.direction, {}, ray.time}
+                               : LocalRay::make(ray.origin, ray.direction, ray.time);
   HostNodeTest test = HostNodeTest::make(ray.origin, ray.direction);
   HostEntry e = {0, 0, 0.0f};
   for (;;) {

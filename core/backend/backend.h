@@ -13,9 +13,9 @@
 namespace destello {
 
 struct RenderCounts {
-  uint64_t rays = 0;       // closest-hit and shadow rays traced
-  uint64_t samples = 0;    // whole samples
-  uint64_t nonfinite = 0;  // samples dropped because arithmetic failed
+  uint64_t rays = 0;          // closest-hit and shadow rays traced
+  uint64_t samples = 0;       // whole samples
+  uint64_t nonfinite = 0;     // samples dropped because arithmetic failed
   double device_seconds = 0;  // of the render kernels alone; 0 on the CPU
 };
 
@@ -31,9 +31,9 @@ class Backend {
 std::unique_ptr<Backend> make_cpu_backend(const Scene& scene, uint32_t threads);
 
 struct DeviceInfo {
-  std::string name;    // as --device takes it
-  std::string label;   // what the driver calls it
-  uint64_t memory = 0; // bytes
+  std::string name;     // as --device takes it
+  std::string label;    // what the driver calls it
+  uint64_t memory = 0;  // bytes
   std::string detail;
 };
 

@@ -24,7 +24,8 @@ uint32_t available_threads() {
 
 class CpuBackend final : public Backend {
  public:
-  CpuBackend(const Scene& scene, uint32_t threads) : scene_(scene), threads_(threads != 0 ? threads : available_threads()) {}
+  CpuBackend(const Scene& scene, uint32_t threads)
+      : scene_(scene), threads_(threads != 0 ? threads : available_threads()) {}
 
   RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
     const Rect& c = task.crop;

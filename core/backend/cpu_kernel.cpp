@@ -27,8 +27,8 @@ struct PixelSums {
   double aovs[kAovChannels] = {};
 };
 
-void render_sample(const SceneView& scene, const RenderTask& task, uint32_t x, uint32_t y, uint32_t sample, PixelSums* sums,
-                   uint64_t* counts) {
+void render_sample(const SceneView& scene, const RenderTask& task, uint32_t x, uint32_t y, uint32_t sample,
+                   PixelSums* sums, uint64_t* counts) {
   SampleAovs aovs;
   Path path = generate(task.settings, task.camera_inside, x, y, sample);
   ShadowRay shadow;
@@ -47,14 +47,16 @@ void render_sample(const SceneView& scene, const RenderTask& task, uint32_t x, u
   if (!finite) ++counts[2];
   add_sample(radiance, path.filter_sign, [&](uint32_t k, float v) { sums->film[k] += static_cast<double>(v); });
   if (task.settings.aovs)
-    add_aovs(aovs.albedo, aovs.normal, aovs.depth, [&](uint32_t k, float v) { sums->aovs[k] += static_cast<double>(v); });
+    add_aovs(aovs.albedo, aovs.normal, aovs.depth,
+             [&](uint32_t k, float v) { sums->aovs[k] += static_cast<double>(v); });
 }
 
 }  // namespace
 }  // namespace destello
 
-extern "C" void DST_KERNEL(dst_render_tile)(const void* scene_pointer, const void* task_pointer, const void* film_pointer,
-                                            const uint32_t* rect, const std::atomic<bool>* cancel, uint64_t* counts) {
+extern "C" void DST_KERNEL(dst_render_tile)(const void* scene_pointer, const void* task_pointer,
+                                            const void* film_pointer, const uint32_t* rect,
+                                            const std::atomic<bool>* cancel, uint64_t* counts) {
   using namespace destello;
   const SceneView& scene = *static_cast<const SceneView*>(scene_pointer);
   const RenderTask& task = *static_cast<const RenderTask*>(task_pointer);

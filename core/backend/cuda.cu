@@ -93,7 +93,9 @@ struct ThreadSums {
   __device__ void clear(uint32_t channels) const {
     for (uint32_t k = 0; k < channels; ++k) columns[k][threadIdx.x] = 0;
   }
-  __device__ void operator()(uint32_t channel, float v) const { columns[channel][threadIdx.x] += static_cast<double>(v); }
+  __device__ void operator()(uint32_t channel, float v) const {
+    columns[channel][threadIdx.x] += static_cast<double>(v);
+  }
   __device__ void flush(double* pixel, uint32_t channels) const {
 #pragma unroll 1
     for (uint32_t k = 0; k < channels; ++k) atomicAdd(pixel + k, columns[k][threadIdx.x]);
@@ -295,7 +297,8 @@ class CudaBackend final : public Backend {
     check_cuda(cudaSetDevice(device), "choose the device");
     scene_ = std::make_unique<DeviceScene>(scene);
     counts_ = DeviceBuffer<KernelCounts>(1);
-    check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device), "ask for multiprocessors");
+    check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
+               "ask for multiprocessors");
   }
 
   RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
@@ -305,7 +308,13 @@ class CudaBackend final : public Backend {
     reserve(pixels, aovs);
     check_cuda(cudaMemset(sums_.data(), 0, pixels * kFilmChannels * sizeof(double)), "clear the film");
     if (aovs) check_cuda(cudaMemset(aovs_.data(), 0, pixels * kAovChannels * sizeof(double)), "clear the film");
-    KernelParams p{scene_->view(), task, {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, film.height}, counts_.data(), 0, 0, 0};
+    KernelParams p{scene_->view(),
+                   task,
+                   {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, film.height},
+                   counts_.data(),
+                   0,
+                   0,
+                   0};
     const Rect& c = task.crop;
     p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
     p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
@@ -344,8 +353,8 @@ class CudaBackend final : public Backend {
     p->items = static_cast<uint64_t>(p->tile_columns) * p->tile_rows * (kTileWidth * kTileHeight) * blocks_of_samples;
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
     const auto kernel = p->film.aovs != nullptr ? render_kernel<false, true>
-                        : p->scene.simple     ? render_kernel<true, false>
-                                              : render_kernel<false, false>;
+                        : p->scene.simple       ? render_kernel<true, false>
+                                                : render_kernel<false, false>;
     int resident = 0;
     check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kThreads, 0), "ask for the occupancy");
     const uint64_t wanted = (p->items + kThreads - 1) / kThreads;
@@ -370,7 +379,8 @@ class CudaBackend final : public Backend {
 
   void download(const DeviceBuffer<double>& from, double* to, size_t count) {
     staging_.resize(count);
-    check_cuda(cudaMemcpy(staging_.data(), from.data(), count * sizeof(double), cudaMemcpyDeviceToHost), "copy the film");
+    check_cuda(cudaMemcpy(staging_.data(), from.data(), count * sizeof(double), cudaMemcpyDeviceToHost),
+               "copy the film");
     for (size_t i = 0; i < count; ++i) to[i] += staging_[i];
   }
 
@@ -384,7 +394,9 @@ class CudaBackend final : public Backend {
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device) { return std::make_unique<CudaBackend>(scene, device); }
+std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device) {
+  return std::make_unique<CudaBackend>(scene, device);
+}
 
 std::string cuda_problem() {
   // The runtime's own message for a missing driver speaks of an insufficient version.

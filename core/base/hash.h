@@ -14,6 +14,8 @@ DST_FN constexpr uint32_t hash32(uint32_t x) {
   x ^= x >> 16;
   return x;
 }
-DST_FN constexpr uint32_t hash_combine(uint32_t a, uint32_t b) { return hash32(a ^ (b + 0x9e3779b9U + (a << 6) + (a >> 2))); }
+DST_FN constexpr uint32_t hash_combine(uint32_t a, uint32_t b) {
+  return hash32(a ^ (b + 0x9e3779b9U + (a << 6) + (a >> 2)));
+}
 
 }  // namespace destello

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <cassert>
-#include <cstring>
 #include <cstddef>
+#include <cstring>
 #include <type_traits>
 #include <utility>
 

@@ -66,8 +66,8 @@ constexpr Param<S> scalar(const char* name, float S::* member, float fallback, c
 template <class S>
 constexpr Param<S> color(const char* name, Vec3 S::* member, Vec3 fallback, const char* doc) {
   Param<S> p;
-  return p.name = name, p.doc = doc, p.kind = ParamKind::Color, p.v = member, p.fallback = fallback, p.texturable = true,
-         p;
+  return p.name = name, p.doc = doc, p.kind = ParamKind::Color, p.v = member, p.fallback = fallback,
+         p.texturable = true, p;
 }
 // A position or direction: never textured.
 template <class S>

@@ -32,9 +32,7 @@ struct Diffuse {
 
  private:
   // The BRDF times pi.
-  DST_HD Vec3 value(Vec3 wo, Vec3 wi) const {
-    return roughness == 0 ? reflectance : rough_value(wo, wi);
-  }
+  DST_HD Vec3 value(Vec3 wo, Vec3 wi) const { return roughness == 0 ? reflectance : rough_value(wo, wi); }
   DST_HD DST_COLD Vec3 rough_value(Vec3 wo, Vec3 wi) const {
     const float a = 1.0f / (1.0f + kC1 * roughness);
     const float s = dot(wo, wi) - wo.z * wi.z;

@@ -26,10 +26,10 @@ struct SplitValue {
 
 // One pixel's sums, as laid out in memory: kFilmChannels doubles.
 enum FilmChannel : uint32_t {
-  kSumCoarse = 0,      // red, green, blue of sign * radiance
+  kSumCoarse = 0,  // red, green, blue of sign * radiance
   kSumFine = 3,
-  kWeight = 6,         // sum of filter signs
-  kSquareCoarse = 7,   // of luminance, for the error estimate
+  kWeight = 6,        // sum of filter signs
+  kSquareCoarse = 7,  // of luminance, for the error estimate
   kSquareFine = 8,
   kFilmChannels = 9,
 };

@@ -10,11 +10,11 @@ namespace destello {
 // A direction towards some light.
 struct LightPick {
   Vec3 wi;
-  Vec3 radiance;       // unshadowed; for delta lights the irradiance facing them
-  float pdf = 0;       // of picking the light and the direction, 1/sr (delta: of picking the light); 0: none
+  Vec3 radiance;  // unshadowed; for delta lights the irradiance facing them
+  float pdf = 0;  // of picking the light and the direction, 1/sr (delta: of picking the light); 0: none
   bool delta = false;
   bool has_target = false;  // the light is at a finite place
-  Vec3 target;         // that place, moved off the light's own surface towards the shaded point
+  Vec3 target;              // that place, moved off the light's own surface towards the shaded point
 };
 
 DST_FN const LightTable& light_table(const SceneView& scene, LightSampling mode) {
@@ -53,7 +53,8 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
 }
 
 // Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray.
-DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick, Vec2 u) {
+DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick,
+                                     Vec2 u) {
   const Span<AliasEntry> table = light_table(scene, mode).pick;
   if (table.empty()) return {};
   const uint32_t index = sample_alias(table, u_pick);
@@ -130,11 +131,12 @@ struct LastScattering {
 };
 
 // Radiance that a surface emits towards the path, weighted. `light`: its number among the area lights, or kNoIndex.
-DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TextureContext at, Vec3 ng,
-                                  uint32_t material, uint32_t light) {
+DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TextureContext at,
+                                  Vec3 ng, uint32_t material, uint32_t light) {
   const Vec3 w = -last.direction;
   const Vec3 radiance = emitted_radiance(scene, material, at, ng, w);
-  if (is_black(radiance) || light == kNoIndex || last.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return radiance;
+  if (is_black(radiance) || light == kNoIndex || last.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf)
+    return radiance;
   const Vec3 from = at.position + w * last.distance;
   const float pdf = area_light_pdf(scene, scene.area_lights[light], from, at.position, ng, last.time);
   return radiance * hit_weight(scene, mode, last.bsdf_pdf, scene.first_area_light() + light, pdf);

@@ -75,16 +75,18 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
                                ShadowRay* shadow, SampleAovs* aovs) {
   const Surface& s = point.surface;
   LightPick light;
-  if (settings.light_sampling != LightSampling::Bsdf && !(m.flags & kDeltaOnly) && !light_table(scene, settings.light_sampling).pick.empty())
-    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time, path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
+  if (settings.light_sampling != LightSampling::Bsdf && !(m.flags & kDeltaOnly) &&
+      !light_table(scene, settings.light_sampling).pick.empty())
+    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time,
+                       path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
                        path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
   const Vec3 to_light = point.frame.to_local(light.wi);
   // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
-  const MaterialSample answer = dispatch(
-      Materials{}, m.type,
-      AskMaterial{scene, m.first_slot, texture, point, path->sampler, bounce_dimension(*path, kDimLobe),
-                  bounce_dimension(*path, kDimDirection), to_light, has_light});
+  const MaterialSample answer =
+      dispatch(Materials{}, m.type,
+               AskMaterial{scene, m.first_slot, texture, point, path->sampler, bounce_dimension(*path, kDimLobe),
+                           bounce_dimension(*path, kDimDirection), to_light, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
@@ -135,7 +137,8 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     if (scatter_in_medium(scene, settings, hit.t, path, shadow)) return;
   }
   if (!hit.found()) {
-    path->radiance += path->throughput * escaped_radiance(scene, settings.light_sampling, path->ray.direction, path->bsdf_pdf);
+    path->radiance +=
+        path->throughput * escaped_radiance(scene, settings.light_sampling, path->ray.direction, path->bsdf_pdf);
     path->alive = false;
     return;
   }
@@ -152,9 +155,10 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     }
   }
   if (m.flags & kHasEmission)
-    path->radiance += path->throughput * hit_emission(scene, settings.light_sampling,
-                                                      {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
-                                                      context, s.ng, index, s.light);
+    path->radiance +=
+        path->throughput * hit_emission(scene, settings.light_sampling,
+                                        {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
+                                        context, s.ng, index, s.light);
   const bool last = path->depth >= settings.max_depth && !(m.flags & kIsInterface);
   if (last && (aovs == nullptr || path->first_hit_done)) {
     path->alive = false;
@@ -178,7 +182,8 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
 
 // What is left of light along the shadow ray after holes, boundaries and media: 0 if something is in the way.
 template <class Tracer>
-DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const Sampler& sampler, uint32_t dimension) {
+DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shadow, const Sampler& sampler,
+                                   uint32_t dimension) {
   InteriorStack inside = shadow.inside;
   Ray ray = shadow.ray;
   Vec3 left(1);

@@ -14,13 +14,13 @@ enum class LightSampling : uint32_t { Auto, Mis, Bsdf, Light };
 // How to render, the same for all samples.
 struct RenderSettings {
   uint32_t seed = 0;
-  uint32_t width = 0, height = 0;      // of the whole film
-  uint32_t max_depth = 50;             // segments of a path from the camera on, at least 1
-  uint32_t roulette_depth = 5;         // segments after which roulette may end a path
+  uint32_t width = 0, height = 0;  // of the whole film
+  uint32_t max_depth = 50;         // segments of a path from the camera on, at least 1
+  uint32_t roulette_depth = 5;     // segments after which roulette may end a path
   LightSampling light_sampling = LightSampling::Auto;
-  float time0 = 0, time1 = 1;          // shutter, within [0, 1]
-  float clamp = 0;                     // upper bound on a sample's radiance, per channel; 0: none
-  uint32_t aovs = 0;                   // 1: record albedo, normal and depth of the first hit
+  float time0 = 0, time1 = 1;  // shutter, within [0, 1]
+  float clamp = 0;             // upper bound on a sample's radiance, per channel; 0: none
+  uint32_t aovs = 0;           // 1: record albedo, normal and depth of the first hit
   AnyFilter filter;
   AnyCamera camera;
 };
@@ -63,16 +63,16 @@ struct SampleAovs {
 
 // A path under way.
 struct Path {
-  Ray ray;                   // the next segment
-  Vec3 throughput{1};        // W: product of f cos / pdf so far
-  Vec3 radiance;             // gathered so far
-  float bsdf_pdf = 0;        // density of ray.direction by the last scattering, 1/sr; kInfinity: a delta (or the camera)
-  float travelled = 0;       // distance since the last scattering: grows over boundaries passed straight
-  float eta_scale = 1;       // product of eta^2 over refractions: roulette looks past radiance compression
-  float wavelength = 0;      // nm; 0: all colours together
+  Ray ray;               // the next segment
+  Vec3 throughput{1};    // W: product of f cos / pdf so far
+  Vec3 radiance;         // gathered so far
+  float bsdf_pdf = 0;    // density of ray.direction by the last scattering, 1/sr; kInfinity: a delta (or the camera)
+  float travelled = 0;   // distance since the last scattering: grows over boundaries passed straight
+  float eta_scale = 1;   // product of eta^2 over refractions: roulette looks past radiance compression
+  float wavelength = 0;  // nm; 0: all colours together
   Sampler sampler;
-  uint16_t depth = 1;        // the segment's number, from 1
-  uint16_t passes = 0;       // boundaries and holes passed straight, for fresh random numbers
+  uint16_t depth = 1;   // the segment's number, from 1
+  uint16_t passes = 0;  // boundaries and holes passed straight, for fresh random numbers
   float filter_sign = 1;
   InteriorStack inside;
   bool alive = true;
@@ -81,10 +81,10 @@ struct Path {
 
 // A light sample whose visibility is still to be found out.
 struct ShadowRay {
-  Ray ray;                 // t_max: just before the light
-  Vec3 contribution;       // to the path's radiance if nothing is in the way
+  Ray ray;            // t_max: just before the light
+  Vec3 contribution;  // to the path's radiance if nothing is in the way
   bool wanted = false;
-  InteriorStack inside;    // what the ray starts in
+  InteriorStack inside;  // what the ray starts in
 };
 
 // Dimension numbers of the sampler (base/sampler.h): a few for the camera, then a block per path segment.

@@ -8,7 +8,8 @@
 namespace destello {
 
 // Follows mix materials down to one that reflects, at random in proportion to their amounts.
-DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, const TextureContext& context, float u) {
+DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, const TextureContext& context,
+                                     float u) {
   for (;;) {
     const MaterialRecord& m = scene.materials[material];
     if (!(m.flags & kIsMix)) return material;
@@ -30,14 +31,15 @@ DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialReco
 // The surface as a BSDF sees it.
 struct ShadingPoint {
   Surface surface;
-  Frame frame;         // z on the path's side
-  Vec3 wo;             // local
-  Vec3 ng;             // geometric normal on the path's side
+  Frame frame;  // z on the path's side
+  Vec3 wo;      // local
+  Vec3 ng;      // geometric normal on the path's side
   BsdfContext context;
 };
 
 template <class Tracer>
-DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s, const MaterialRecord& m) {
+DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s,
+                                       const MaterialRecord& m) {
   ShadingPoint p;
   p.surface = s;
   const Vec3 w = -path.ray.direction;
@@ -59,7 +61,8 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
 
 // Loads T's parameters at a point of a surface: each slot's value, textures looked up.
 template <class T, size_t... I>
-DST_FN T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context, std::index_sequence<I...>) {
+DST_FN T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context,
+                   std::index_sequence<I...>) {
   T bsdf;
   const Slot* slots = scene.textures.slots.data + first_slot;
   (set_param<T, I>(bsdf, T::params[I].texturable
@@ -82,11 +85,11 @@ constexpr int first_color() {
 
 // What a material answers at one point: to a direction towards a light, and for the path's way on.
 struct MaterialSample {
-  Vec3 f;               // eval for the light's direction
-  float pdf = 0;        // and its density
+  Vec3 f;         // eval for the light's direction
+  float pdf = 0;  // and its density
   BsdfSample next;
-  Vec3 albedo{1};       // for denoisers
-  float wavelength = 0; // the path's, from here on
+  Vec3 albedo{1};        // for denoisers
+  float wavelength = 0;  // the path's, from here on
 };
 
 // Asks a material of one type. The only code that is instantiated per material: whatever all materials share stands in
@@ -98,7 +101,7 @@ struct AskMaterial {
   const ShadingPoint& point;
   const Sampler& sampler;
   uint32_t lobe_dimension, direction_dimension;  // of the sampler
-  Vec3 light;       // local direction towards a light, if has_light
+  Vec3 light;                                    // local direction towards a light, if has_light
   bool has_light;
 
   template <class T>
@@ -106,7 +109,8 @@ struct AskMaterial {
     T bsdf = load_bsdf<T>(scene, first_slot, texture, std::make_index_sequence<T::params.size()>{});
     BsdfContext context = point.context;
     if constexpr (requires { bsdf.needs_wavelength(); }) {
-      if (context.wavelength == 0 && bsdf.needs_wavelength()) context.wavelength = sample_wavelength(sampler.get_1d(kDimWavelength));
+      if (context.wavelength == 0 && bsdf.needs_wavelength())
+        context.wavelength = sample_wavelength(sampler.get_1d(kDimWavelength));
     }
     prepare(bsdf, context);
     MaterialSample r;

@@ -43,7 +43,7 @@ DST_FN void roulette(const RenderSettings& settings, Path* path) {
 // A collision inside the medium that the path is in, if one comes before the hit; else only what the way absorbs.
 // Returns true if the path has scattered (or ended): shade is then done.
 DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSettings& settings, float t_hit, Path* path,
-                              ShadowRay* shadow) {
+                                       ShadowRay* shadow) {
   const uint32_t current = path->inside.current(scene.interiors);
   if (current == kNoIndex) return false;
   const Medium& medium = scene.interiors[current].medium;
@@ -60,9 +60,9 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
   }
   const Vec3 p = path->ray.origin + path->ray.direction * distance, wo = -path->ray.direction;
   if (settings.light_sampling != LightSampling::Bsdf) {
-    const LightPick light =
-        pick_light(scene, settings.light_sampling, p, path->ray.time, path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
-                   path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
+    const LightPick light = pick_light(scene, settings.light_sampling, p, path->ray.time,
+                                       path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
+                                       path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
     if (light.pdf > 0 && !is_black(light.radiance)) {
       const float f = medium.phase.eval(wo, light.wi);
       const float weight = light_weight(settings.light_sampling, light, f);

@@ -78,7 +78,9 @@ struct ImageEnvironment {
     const Vec3 wi = equirect_to_direction(uv);
     return {wi, kInfinity, p.radiance() * strength, density(p, row.probability * column.probability, image, wi), false};
   }
-  DST_HD DST_COLD Vec3 radiance(Vec3 wi, const LightData& data) const { return locate(wi, data.image).radiance() * strength; }
+  DST_HD DST_COLD Vec3 radiance(Vec3 wi, const LightData& data) const {
+    return locate(wi, data.image).radiance() * strength;
+  }
   DST_HD DST_COLD float pdf(Vec3 wi, const LightData& data) const {
     const EnvironmentImage& image = data.image;
     const EnvironmentPatch p = locate(wi, image);

@@ -10,7 +10,7 @@ struct LightPoint {
   Vec3 p, error, ng;  // ng on the outward side
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};
-  float pdf = 0;      // 1/sr as seen from the reference point; 0: none
+  float pdf = 0;  // 1/sr as seen from the reference point; 0: none
 };
 
 DST_FN float area_to_solid_angle(Vec3 from, Vec3 p, Vec3 ng, float area) {
@@ -26,7 +26,8 @@ struct WorldSphere {
   float radius;
 };
 
-DST_FN TriangleVertices world_triangle(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim, float time) {
+DST_FN TriangleVertices world_triangle(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim,
+                                       float time) {
   TriangleVertices v = triangle_at(scene.geometry, prim, time);
   if (light.instance != kNoIndex) {
     const Transform t = scene.geometry.instances[light.instance].world_at(time);
@@ -47,7 +48,8 @@ DST_FN WorldSphere world_sphere(const SceneView& scene, const AreaLight& light, 
 
 // True if the light is a sphere that its instance stretches: an ellipsoid, sampled by area.
 DST_FN bool is_ellipsoid(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim) {
-  return prim.kind() == PrimitiveKind::Sphere && light.instance != kNoIndex && !scene.geometry.instances[light.instance].similar;
+  return prim.kind() == PrimitiveKind::Sphere && light.instance != kNoIndex &&
+         !scene.geometry.instances[light.instance].similar;
 }
 
 // How much area the instance makes of a small piece of the sphere with local unit normal n.
@@ -55,20 +57,23 @@ DST_FN float ellipsoid_stretch(const Transform& world, const Transform& local, V
   return fabsf(world.determinant()) * length(local.transposed_vector(n));
 }
 
-DST_FN DST_COLD LightPoint sample_ellipsoid_light(const Instance& instance, LeafPrimitive prim, Vec3 from, Vec2 u, float time) {
+DST_FN DST_COLD LightPoint sample_ellipsoid_light(const Instance& instance, LeafPrimitive prim, Vec3 from, Vec2 u,
+                                                  float time) {
   const Transform world = instance.world_at(time), local = instance.local_at(time);
   const float radius = fabsf(prim.b.x);
   const Vec3 center = prim.a + prim.c * time, outward = square_to_sphere(u);
   const SpherePoint q = sphere_point(center + outward * radius, center, prim.b.x);
   LightPoint l;
   l.p = world.point(q.p);
-  l.error = world.carried_error(q.error) + world.point_error(abs(q.p)) + world.carried_error(local.point_error(abs(l.p)));
+  l.error =
+      world.carried_error(q.error) + world.point_error(abs(q.p)) + world.carried_error(local.point_error(abs(l.p)));
   l.ng = normalize(local.transposed_vector(q.normal));
   l.pdf = area_to_solid_angle(from, l.p, l.ng, 4 * kPi * radius * radius * ellipsoid_stretch(world, local, outward));
   return l;
 }
 
-DST_FN DST_COLD float ellipsoid_light_pdf(const Instance& instance, LeafPrimitive prim, Vec3 from, Vec3 p, Vec3 ng, float time) {
+DST_FN DST_COLD float ellipsoid_light_pdf(const Instance& instance, LeafPrimitive prim, Vec3 from, Vec3 p, Vec3 ng,
+                                          float time) {
   const Transform world = instance.world_at(time), local = instance.local_at(time);
   const Vec3 outward = normalize(local.point(p) - (prim.a + prim.c * time));
   return area_to_solid_angle(from, p, ng, 4 * kPi * sqr(prim.b.x) * ellipsoid_stretch(world, local, outward));
@@ -77,7 +82,8 @@ DST_FN DST_COLD float ellipsoid_light_pdf(const Instance& instance, LeafPrimitiv
 // Density with which sample_area_light picks the direction from `from` to the point p with normal ng on the light.
 DST_FN float area_light_pdf(const SceneView& scene, const AreaLight& light, Vec3 from, Vec3 p, Vec3 ng, float time) {
   const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
-  if (is_ellipsoid(scene, light, prim)) return ellipsoid_light_pdf(scene.geometry.instances[light.instance], prim, from, p, ng, time);
+  if (is_ellipsoid(scene, light, prim))
+    return ellipsoid_light_pdf(scene.geometry.instances[light.instance], prim, from, p, ng, time);
   if (prim.kind() == PrimitiveKind::Sphere) {
     const WorldSphere s = world_sphere(scene, light, prim, time);
     const float d2 = length_squared(from - s.center), r2 = s.radius * s.radius;

@@ -13,7 +13,8 @@ namespace {
 
 std::string text(Vec3 v) {
   char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), "(%g, %g, %g)", static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z));
+  std::snprintf(buffer, sizeof(buffer), "(%g, %g, %g)", static_cast<double>(v.x), static_cast<double>(v.y),
+                static_cast<double>(v.z));
   return buffer;
 }
 
@@ -56,7 +57,8 @@ uint32_t widest_corner(Vec3 a, Vec3 b, Vec3 c) {
 
 void check_finite(const std::vector<Vec3>& points, const char* what) {
   for (size_t i = 0; i < points.size(); ++i)
-    if (!is_finite(points[i])) fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
+    if (!is_finite(points[i]))
+      fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
 }
 
 struct MaterialIor {
@@ -128,7 +130,8 @@ void SceneBuilder::check_material(uint32_t material) const {
 }
 
 void SceneBuilder::check_group(uint32_t group) const {
-  if (group >= groups_.size()) fail("group " + std::to_string(group) + ": expected an index below " + std::to_string(groups_.size()));
+  if (group >= groups_.size())
+    fail("group " + std::to_string(group) + ": expected an index below " + std::to_string(groups_.size()));
 }
 
 uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes) {
@@ -142,10 +145,12 @@ uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes) 
 }
 
 uint32_t SceneBuilder::add_slots(const std::vector<Slot>& slots, size_t expected) {
-  if (slots.size() != expected) fail("expected " + std::to_string(expected) + " parameters, got " + std::to_string(slots.size()));
+  if (slots.size() != expected)
+    fail("expected " + std::to_string(expected) + " parameters, got " + std::to_string(slots.size()));
   for (const Slot& s : slots)
     if (s.has_texture() && s.texture() >= scene_->arrays_.textures.size())
-      fail("texture " + std::to_string(s.texture()) + ": expected an index below " + std::to_string(scene_->arrays_.textures.size()));
+      fail("texture " + std::to_string(s.texture()) + ": expected an index below " +
+           std::to_string(scene_->arrays_.textures.size()));
   auto& all = scene_->arrays_.slots;
   const uint32_t first = static_cast<uint32_t>(all.size());
   append(&all, slots);
@@ -166,7 +171,8 @@ uint32_t SceneBuilder::slot_flags(uint32_t first, size_t count) const {
   return 0;
 }
 
-void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material) {
+void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface,
+                                MaterialRecord* material) {
   Interior in;
   in.medium.density = surface_value(surface, "medium_density").x;
   in.medium.albedo = surface_value(surface, "medium_albedo");
@@ -232,10 +238,11 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   if (mesh.indices.size() % 3 != 0) fail("indices: expected three for each triangle");
   for (size_t i = 0; i < mesh.indices.size(); ++i)
     if (mesh.indices[i] >= n)
-      fail("indices[" + std::to_string(i / 3) + "]: " + std::to_string(mesh.indices[i]) + "; expected below " + std::to_string(n) +
-           ", the number of vertices");
+      fail("indices[" + std::to_string(i / 3) + "]: " + std::to_string(mesh.indices[i]) + "; expected below " +
+           std::to_string(n) + ", the number of vertices");
   const auto check_size = [&](size_t size, const char* what) {
-    if (size != 0 && size != n) fail(std::string(what) + ": " + std::to_string(size) + " entries; expected " + std::to_string(n));
+    if (size != 0 && size != n)
+      fail(std::string(what) + ": " + std::to_string(size) + " entries; expected " + std::to_string(n));
   };
   check_size(mesh.positions_end.size(), "positions1");
   check_size(mesh.normals.size(), "normals");
@@ -299,11 +306,13 @@ void SceneBuilder::add_object(uint32_t group, ObjectRecord object, uint32_t prim
   scene_->arrays_.objects.push_back(object);
 }
 
-void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material, const std::optional<Transform>& transform,
+void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material,
+                              const std::optional<Transform>& transform,
                               const std::optional<Transform>& transform_end) {
   check_group(group);
   check_material(material);
-  if (mesh >= meshes_.size()) fail("mesh " + std::to_string(mesh) + ": expected an index below " + std::to_string(meshes_.size()));
+  if (mesh >= meshes_.size())
+    fail("mesh " + std::to_string(mesh) + ": expected an index below " + std::to_string(meshes_.size()));
   if (transform) check_invertible(*transform);
   if (transform_end) check_invertible(*transform_end);
   const Mesh& m = meshes_[mesh];
@@ -332,7 +341,8 @@ void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material, 
     Bounds box;
     box.grow(p.a), box.grow(p.b), box.grow(p.c);
     if (moving) {
-      const TriangleVertices e{end.point(positions_end[t[0]]), end.point(positions_end[t[1]]), end.point(positions_end[t[2]])};
+      const TriangleVertices e{end.point(positions_end[t[0]]), end.point(positions_end[t[1]]),
+                               end.point(positions_end[t[2]])};
       box.grow(e.a), box.grow(e.b), box.grow(e.c);
       p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::MovingTriangle) |
                          static_cast<uint32_t>(scene_->arrays_.moving.size()) << 2;
@@ -345,8 +355,8 @@ void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material, 
   add_object(group, object, count);
 }
 
-void SceneBuilder::add_spheres(uint32_t group, const std::vector<Vec3>& centers, const std::vector<float>& radii, uint32_t material,
-                               const std::vector<Vec3>& centers_end) {
+void SceneBuilder::add_spheres(uint32_t group, const std::vector<Vec3>& centers, const std::vector<float>& radii,
+                               uint32_t material, const std::vector<Vec3>& centers_end) {
   check_group(group);
   check_material(material);
   check_finite(centers, "centers");
@@ -377,7 +387,8 @@ void SceneBuilder::add_spheres(uint32_t group, const std::vector<Vec3>& centers,
   add_object(group, object, static_cast<uint32_t>(centers.size()));
 }
 
-void SceneBuilder::add_instance(uint32_t group, const Transform& transform, const std::optional<Transform>& transform_end) {
+void SceneBuilder::add_instance(uint32_t group, const Transform& transform,
+                                const std::optional<Transform>& transform_end) {
   check_group(group);
   if (group == 0) fail("the world cannot be placed in itself");
   check_invertible(transform);

@@ -17,10 +17,10 @@ namespace destello {
 
 struct SceneStats {
   uint64_t triangles = 0, spheres = 0, instances = 0, lights = 0, materials = 0, textures = 0;
-  uint64_t dropped = 0;       // degenerate triangles
+  uint64_t dropped = 0;  // degenerate triangles
   uint64_t geometry_bytes = 0, bvh_bytes = 0, texture_bytes = 0;
-  double build_seconds = 0;   // of all trees
-  BvhStats world;             // the world's own tree
+  double build_seconds = 0;  // of all trees
+  BvhStats world;            // the world's own tree
 };
 
 // Arrays of the finished scene. Not changed after SceneBuilder::build.
@@ -29,7 +29,7 @@ struct SceneArrays {
   std::vector<LeafPrimitive> leaves;
   std::vector<Instance> instances;
   std::vector<TriangleVertices> moving;
-  std::vector<SphereBlock> blocks;         // for the host's traversal
+  std::vector<SphereBlock> blocks;  // for the host's traversal
   std::vector<uint32_t> blocks_of_node;
   bool only_blocks = false;
   std::vector<ObjectRecord> objects;
@@ -81,7 +81,7 @@ struct MeshData {
   std::vector<uint32_t> indices;               // 3 M
   std::vector<Vec3> normals, normals_end;
   std::vector<Vec2> uvs;
-  std::vector<Vec4> colors;                    // linear
+  std::vector<Vec4> colors;  // linear
 };
 
 // Collects a scene. Bad input raises std::invalid_argument with a message for the user; indices handed back number each
@@ -93,8 +93,8 @@ class SceneBuilder {
   uint32_t add_image(Image image, const void* texels, size_t bytes);
   uint32_t add_texture(uint32_t type, const std::vector<Slot>& slots);
   // `slots` in the order of the material's params, `surface` in that of SurfaceParams.
-  uint32_t add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface, uint32_t mix_first,
-                        uint32_t mix_second);
+  uint32_t add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface,
+                        uint32_t mix_first, uint32_t mix_second);
   uint32_t add_mesh(MeshData mesh, uint32_t* dropped);
   uint32_t add_group();
   void place_mesh(uint32_t group, uint32_t mesh, uint32_t material, const std::optional<Transform>& transform,
@@ -119,7 +119,7 @@ class SceneBuilder {
     std::vector<Bounds> boxes;
     std::vector<LeafPrimitive> primitives;
     std::vector<uint32_t> objects;
-    uint32_t emitters = 0;   // emitting primitives
+    uint32_t emitters = 0;  // emitting primitives
     uint32_t root = kNoIndex;
     Bounds bounds;
   };

@@ -106,7 +106,8 @@ void SceneBuilder::collect_area_lights() {
     if (p.kind() == PrimitiveKind::Instance || a.objects[p.object].light_offset == kNoIndex) continue;
     const uint32_t position = a.objects[p.object].light_offset + p.primitive;
     if (group_of[p.object] == 0) a.area_lights[position] = {leaf, kNoIndex};
-    for (const uint32_t i : instances_of[group_of[p.object]]) a.area_lights[a.instances[i].light_base + position] = {leaf, i};
+    for (const uint32_t i : instances_of[group_of[p.object]])
+      a.area_lights[a.instances[i].light_base + position] = {leaf, i};
   }
 }
 
@@ -127,7 +128,8 @@ void SceneBuilder::resolve_powers() {
   for (size_t i = 0; i < area.size(); ++i) {
     if (!(emissive_power_[i] > 0) || !(area[i] > 0)) continue;
     const double sides = a.materials[i].flags & kEmissionTwoSided ? 2 : 1;
-    a.slots[a.materials[i].surface_slot + kEmissionSlot].value *= static_cast<float>(emissive_power_[i] / (area[i] * kPi * sides));
+    a.slots[a.materials[i].surface_slot + kEmissionSlot].value *=
+        static_cast<float>(emissive_power_[i] / (area[i] * kPi * sides));
   }
 }
 
@@ -202,7 +204,8 @@ void SceneBuilder::build_lights() {
   a.all_lights = table(power);
   // The constant and the gradient environment vary little over a hemisphere: directions drawn by the BSDF find their
   // light with less variance than directions drawn over the sphere, and without a shadow ray. Images need light sampling.
-  const bool smooth = has_environment_ && scene_->view_.environment.kind.tag() != index_of<ImageEnvironment>(Environments{});
+  const bool smooth =
+      has_environment_ && scene_->view_.environment.kind.tag() != index_of<ImageEnvironment>(Environments{});
   if (smooth) power.back() = 0;
   a.auto_lights = table(power);
 }
@@ -235,7 +238,8 @@ void SceneBuilder::make_view() {
   v.light_data.image = a.environment.view();
   v.has_environment = has_environment_;
   v.has_boundaries = !a.interiors.empty();
-  const bool vacuum = std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); });
+  const bool vacuum =
+      std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); });
   uint32_t any = 0, all = ~0u;
   for (const MaterialRecord& m : a.materials) any |= m.flags, all &= m.flags;
   v.clear_shadows = vacuum && (all & kOpaqueToShadows);

@@ -15,16 +15,16 @@ namespace destello {
 inline constexpr uint32_t kNoIndex = 0xffffffffU;
 
 enum MaterialFlag : uint32_t {
-  kHasOpacity = 1,          // the opacity slot is not a constant 1
+  kHasOpacity = 1,  // the opacity slot is not a constant 1
   kHasEmission = 2,
   kEmissionTwoSided = 4,
   kHasNormalMap = 8,
-  kIsBoundary = 16,         // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
-  kIsInterface = 32,        // no surface at all, only a boundary
-  kNeedsUv = 64,            // some texture wants texture coordinates
+  kIsBoundary = 16,   // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
+  kIsInterface = 32,  // no surface at all, only a boundary
+  kNeedsUv = 64,      // some texture wants texture coordinates
   kIsMix = 128,
-  kOpaqueToShadows = 256,   // blocks shadow rays for sure
-  kDeltaOnly = 512,         // every lobe is a delta: sampling lights is of no use
+  kOpaqueToShadows = 256,  // blocks shadow rays for sure
+  kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
 };
 
 // A material: the BSDF's own parameters and those that every surface has.
@@ -35,7 +35,7 @@ struct MaterialRecord {
   uint32_t surface_slot = 0;  // opacity, emission, normal map
   uint32_t interior = kNoIndex;
   uint32_t mix_first = kNoIndex, mix_second = kNoIndex;  // materials, if kIsMix
-  float opacity_cutoff = 0;   // > 0: opacity below it is 0, else 1
+  float opacity_cutoff = 0;                              // > 0: opacity below it is 0, else 1
   float normal_scale = 1;
 };
 enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurfaceSlots };
@@ -43,20 +43,21 @@ enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurface
 // What a boundary encloses.
 struct Interior {
   Medium medium;
-  float ior = 1;         // at 587.56 nm
-  float priority = 0;    // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
+  float ior = 1;  // at 587.56 nm
+  float priority =
+      0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
 };
 
 // A placed mesh or a set of spheres: what its primitives share.
 struct ObjectRecord {
   uint32_t material = 0;
-  uint32_t light_offset = kNoIndex;   // its first primitive among the emitters of its group
-  uint32_t first_triangle = 0;        // into SceneView::triangles
-  uint32_t first_normal = kNoIndex;   // into normals, kNoIndex: none; the same for uvs and colours
+  uint32_t light_offset = kNoIndex;  // its first primitive among the emitters of its group
+  uint32_t first_triangle = 0;       // into SceneView::triangles
+  uint32_t first_normal = kNoIndex;  // into normals, kNoIndex: none; the same for uvs and colours
   uint32_t first_uv = kNoIndex;
   uint32_t first_color = kNoIndex;
   uint32_t first_normal_end = kNoIndex;  // normals at time 1 of a moving mesh
-  uint32_t flipped = 0;               // placed by a mirroring transform: the stored triangles wind the other way round
+  uint32_t flipped = 0;  // placed by a mirroring transform: the stored triangles wind the other way round
 };
 
 // An emitting primitive: one triangle or sphere, in one instance or in the world.
@@ -91,9 +92,9 @@ struct SceneView {
   LightTable auto_lights;  // without an environment that cosine-weighted sampling finds as well (see scene.cpp)
   uint32_t has_environment = 0;
   uint32_t world_light_base = kNoIndex;  // first area light of the world's own emitters, as Instance::light_base
-  uint32_t has_boundaries = 0;   // some material is a boundary: paths keep track of what they are in
-  uint32_t clear_shadows = 0;    // every surface blocks shadow rays for sure: any hit will do
-  uint32_t simple = 0;           // no media, interfaces, holes, mixes or normal maps: see integrate/path_tracer.h
+  uint32_t has_boundaries = 0;           // some material is a boundary: paths keep track of what they are in
+  uint32_t clear_shadows = 0;            // every surface blocks shadow rays for sure: any hit will do
+  uint32_t simple = 0;  // no media, interfaces, holes, mixes or normal maps: see integrate/path_tracer.h
 
   DST_HD uint32_t first_area_light() const { return punctual.size; }
   DST_HD uint32_t environment_light() const { return punctual.size + area_lights.size; }

@@ -7,31 +7,31 @@ namespace destello {
 
 struct Surface {
   Vec3 p;
-  Vec3 error;              // bound on p's error, componentwise
-  Vec3 ng;                 // geometric normal, unit, on the outward side
-  Vec3 ns;                 // shading normal, unit, on ng's side
-  Vec3 tangent;            // direction of growing u, any length; 0 if unknown
-  bool mirrored = false;   // v grows against ns x tangent, not along it: the image is seen as in a mirror
+  Vec3 error;             // bound on p's error, componentwise
+  Vec3 ng;                // geometric normal, unit, on the outward side
+  Vec3 ns;                // shading normal, unit, on ng's side
+  Vec3 tangent;           // direction of growing u, any length; 0 if unknown
+  bool mirrored = false;  // v grows against ns x tangent, not along it: the image is seen as in a mirror
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};  // vertex colour
   uint32_t material = 0;
   uint32_t light = kNoIndex;  // index among area lights
-  bool front = true;       // the ray came from the outward side
+  bool front = true;          // the ray came from the outward side
 };
 
 DST_FN Vec3 face_towards(Vec3 n, Vec3 v) { return dot(n, v) < 0 ? -n : n; }
 
 // What a mesh's vertices carry, at a point of a triangle.
 struct Attributes {
-  Vec3 ns;                 // any length; 0: none
-  Vec3 tangent;            // direction of growing u; 0: none
-  bool mirrored = false;   // v grows against (winding normal) x tangent
+  Vec3 ns;                // any length; 0: none
+  Vec3 tangent;           // direction of growing u; 0: none
+  bool mirrored = false;  // v grows against (winding normal) x tangent
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};
 };
 
-DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, ObjectRecord object, uint32_t triangle, Vec2 at,
-                                                  float time, TriangleVertices vertices) {
+DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, ObjectRecord object, uint32_t triangle,
+                                                  Vec2 at, float time, TriangleVertices vertices) {
   const float u = at.x, v = at.y;
   Attributes s;
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
@@ -52,7 +52,8 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
     // dp/du from the two edges (pbrt 4, section 6.5.4)
     const Vec2 d1 = tb - ta, d2 = tc - ta;
     const float det = d1.x * d2.y - d1.y * d2.x;
-    if (det != 0) s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
+    if (det != 0)
+      s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
     s.mirrored = det < 0;
   } else {
     s.uv = at;

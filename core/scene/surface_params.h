@@ -19,7 +19,8 @@ struct SurfaceParams {
   float priority = 0;
 
   static constexpr auto params = param_list<SurfaceParams>(
-      scalar("opacity", &SurfaceParams::opacity, 1, "share of the surface that is there; light passes the rest unchanged")
+      scalar("opacity", &SurfaceParams::opacity, 1,
+             "share of the surface that is there; light passes the rest unchanged")
           .range(0, 1),
       scalar("opacity_cutoff", &SurfaceParams::opacity_cutoff, 0,
              "above 0: opacity below it counts as 0, from it on as 1 (a cut-out)")

@@ -41,7 +41,8 @@ struct TriangleHit {
 // distance from the plane over its speed of change, so its sign is right whenever the origin is off the plane by more than
 // the error that triangle_point reports, at any angle. The plane is held to the crossing, not to a corner: the normal of a
 // sliver is not precise enough to reach across it.
-DST_FN TriangleHit intersect_triangle(Vec3 origin, Vec3 direction, const RayFrame& frame, float t_max, Vec3 a, Vec3 b, Vec3 c) {
+DST_FN TriangleHit intersect_triangle(Vec3 origin, Vec3 direction, const RayFrame& frame, float t_max, Vec3 a, Vec3 b,
+                                      Vec3 c) {
   const Vec3 pa = a - origin, pb = b - origin, pc = c - origin;
   const float ax = dot(pa, frame.x), ay = dot(pa, frame.y);
   const float bx = dot(pb, frame.x), by = dot(pb, frame.y);
