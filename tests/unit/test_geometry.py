@@ -235,7 +235,7 @@ def test_a_surface_close_to_another_is_met(scale, instanced, rng):
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("name", ["box", "icosphere"])
 def test_rays_inside_a_closed_mesh_always_meet_a_wall(name, scale, instanced, rng):
-    """Twelve bounces of 5000 rays. Those that land in a corner, closer to the next wall than their origin is precise, are
+    """Twelve bounces of 5000 rays. Those that land in a corner, closer to the next wall than origins are precise, are
     begun anew: it may be on the other side.
     """
     for linear in (np.eye(3), rotation(rng) @ [[1, 0.8, 0], [0, 0.3, 0.3], [0, 0, 3]]):
