@@ -1,0 +1,117 @@
+"""The CUDA backend against the CPU backend: the same samples, hence the same pictures but for rounding."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+import destello as dl
+from destello import _core, scenes
+from stats import z_threshold
+
+pytestmark = pytest.mark.cuda
+
+WIDTH, SPP = 96, 64
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+SCENES = [*scenes.names(), "textures and media"]
+
+
+def everything() -> dl.Scene:
+    """Media, holes, mixtures, instances, motion and every light in one small scene."""
+    s = dl.Scene(name="everything")
+    s.film.width, s.film.height = 160, 100
+    s.camera = dl.cameras.perspective(origin=(0, 2, 9), target=(0, 0.6, 0), vfov=40, aperture_radius=0.05)
+    checker = dl.textures.checker(even=(0.9, 0.9, 0.9), odd=(0.1, 0.3, 0.6), scale=0.5)
+    red, metal = dl.materials.diffuse(reflectance=(0.7, 0.1, 0.1)), dl.materials.conductor(roughness=0.4)
+    s.add(
+        dl.shapes.quad(
+            corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse(reflectance=checker)
+        )
+    )
+    s.add(dl.shapes.sphere(center=(-2.5, 1, 0), radius=1, material=dl.materials.dielectric(abbe=20)))
+    s.add(dl.shapes.sphere(center=(0, 1, 0), radius=1, material=dl.materials.mix(first=red, second=metal, amount=0.5)))
+    fog = dl.materials.interface(medium_density=1.5, medium_albedo=(0.9, 0.8, 0.6), medium_anisotropy=0.4)
+    s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=fog))
+    s.add(dl.shapes.sphere(center=(0, 0.5, 2), radius=0.5, material=red, center1=(0.4, 0.6, 2)))
+    holes = dl.materials.diffuse(opacity=0.5)
+    box = s.group("box", [dl.shapes.box(min=(-0.5, 0, -0.5), max=(0.5, 1, 0.5), material=holes)])
+    s.add(dl.shapes.instance(box, transform=dl.translate(1.3, 0, 2) @ dl.rotate((0, 1, 0), 30) @ dl.scale(0.8)))
+    s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
+    s.add(dl.lights.spot(position=(4, 5, 2), target=(0, 0, 0), intensity=(60, 60, 80)))
+    s.add(dl.lights.directional(direction=(1, -2, -1), irradiance=(0.5, 0.5, 0.4), angular_diameter=3))
+    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    return s
+
+
+def compiled(name: str) -> tuple[Any, dict[str, Any], int]:
+    scene = everything() if name == "textures and media" else scenes.build(name)
+    settings = {
+        "seed": 7,
+        "max_depth": min(scene.render.max_depth, 12),
+        "time0": scene.render.shutter[0],
+        "time1": scene.render.shutter[1],
+    }
+    return scene.compile().core, settings, max(1, round(WIDTH * scene.film.height / scene.film.width))
+
+
+def film(core: Any, device: str, height: int, settings: dict[str, Any], parts: tuple[int, ...] = (0, SPP)) -> Any:
+    renderer = _core.Renderer(core, device)
+    total = _core.Film(WIDTH, height, True)
+    for first, last in itertools.pairwise(parts):
+        renderer.render(total, 0, first, last, settings)
+    return total
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("sampling", ["auto", "mis"])
+def test_same_picture(name: str, sampling: str) -> None:
+    core, settings, height = compiled(name)
+    settings["light_sampling"] = sampling
+    cpu, gpu = film(core, "cpu", height, settings), film(core, "cuda:0", height, settings)
+    a, b = cpu.mean() @ LUMINANCE, gpu.mean() @ LUMINANCE
+    deviation = np.sqrt(np.maximum(cpu.variance() + gpu.variance(), 1e-10))
+    assert np.abs(a - b).max() > 0 or np.array_equal(a, b)
+    assert (np.abs(a - b) / deviation).max() < z_threshold(a.size)
+    # The samples are the same ones: most pixels agree far better than two independent pictures would.
+    assert np.median(np.abs(a - b) / deviation) < 0.3
+    for aov in ("albedo", "normal", "depth"):
+        difference = np.abs(cpu.aov(aov) - gpu.aov(aov))
+        assert np.median(difference) <= 1e-4 * max(1.0, float(np.abs(cpu.aov(aov)).max()))
+
+
+@pytest.mark.parametrize("name", ["book1", "cornell-smoke", "textures and media"])
+def test_bits_do_not_depend_on_the_split(name: str) -> None:
+    core, settings, height = compiled(name)
+    whole = film(core, "cuda:0", height, settings).state()
+    parts = film(core, "cuda:0", height, settings, (0, 1, 7, 32, 33, SPP)).state()
+    again = film(core, "cuda:0", height, settings).state()
+    for key in whole:
+        assert np.array_equal(whole[key], parts[key])
+        assert np.array_equal(whole[key], again[key])
+
+
+def test_a_crop_is_a_part_of_the_whole() -> None:
+    core, settings, height = compiled("book1")
+    whole = film(core, "cuda:0", height, settings).mean()
+    part = _core.Film(WIDTH, height)
+    _core.Renderer(core, "cuda:0").render(part, 0, 0, SPP, settings, (13, 5, 60, 40))
+    assert np.array_equal(part.mean()[5:40, 13:60], whole[5:40, 13:60])
+    assert part.weight()[:5].max() == 0
+
+
+def test_cancel_stops_a_long_render() -> None:
+    import threading
+    import time
+
+    core, settings, _ = compiled("book2")
+    renderer, target = _core.Renderer(core, "cuda:0"), _core.Film(800, 800)
+    renderer.render(target, 0, 0, 1, settings)  # warm
+    timer = threading.Timer(0.2, renderer.cancel)
+    start = time.monotonic()
+    timer.start()
+    result = renderer.render(target, 0, 0, 1_000_000, settings)
+    assert result["cancelled"]
+    assert time.monotonic() - start < 5
