@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the core with sanitizers (CPU only) in build/sanitize and runs the tests named, or those of the core, with it.
+# Builds the core with sanitizers (CPU only) in build/sanitize-* and runs the tests named, or those of the core, with it.
 #   SANITIZE=address,undefined | thread   JOBS=2   VENV=.venv-test   tools/sanitize.sh [pytest arguments]
 # The environment must not hold an editable destello: its import hook would win over the folder built here.
 set -euo pipefail
@@ -24,6 +24,7 @@ runtime=asan
 [ "$sanitize" != thread ] || runtime=tsan
 export LD_PRELOAD="$("$cxx" -print-file-name=lib$runtime.so) $("$cxx" -print-file-name=libstdc++.so)"
 export ASAN_OPTIONS=detect_leaks=0:detect_odr_violation=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
+export TSAN_OPTIONS=suppressions=$PWD/tools/tsan.supp
 export PYTHONPATH=$PWD/$build/site DESTELLO_SANITIZE=$sanitize
 
 "$bin/python" -c "import destello._core as core; assert '$build/' in core.__file__, core.__file__"
