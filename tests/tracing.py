@@ -184,3 +184,59 @@ def affine(linear: ArrayLike, translation: ArrayLike = (0, 0, 0)) -> list[list[f
 def rotation(rng: np.random.Generator) -> NDArray[np.float64]:
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return q * np.sign(np.linalg.det(q))
+
+
+# --- comparing -------------------------------------------------------------------------------------------------------
+
+
+def rays_about(rng, n, scale=1.0, center=(0, 0, 0)):
+    """Rays of all kinds through the cube [-1, 1]: from within and from afar, along axes, short ones, of any length."""
+    origins = rng.uniform(-1.2, 1.2, (n, 3))
+    to = rng.uniform(-1, 1, (n, 3))
+    far = rng.random(n) < 0.5
+    origins[far] = sphere_directions(rng, far.sum()) * 10 ** rng.uniform(0.3, 2, (far.sum(), 1))
+    directions = unit(to - origins)
+    axis = np.arange(n) % 7 == 0
+    k = rng.integers(3, size=n)
+    directions[axis] = np.eye(3)[k[axis]] * rng.choice([-1, 1], (axis.sum(), 1))
+    origins[axis] = to[axis] - directions[axis] * rng.uniform(0, 3, (axis.sum(), 1))
+    plane = np.arange(n) % 7 == 1
+    directions[plane, k[plane]] = 0
+    directions = unit(directions)
+    length = np.where(rng.random(n) < 0.6, np.inf, 10 ** rng.uniform(-2, 1, n))
+    return {
+        "origins": f32(origins * scale + np.asarray(center)),
+        "directions": f32(directions),
+        "t_max": f32(length * scale),
+        "time": f32(rng.random(n)),
+    }
+
+
+def without_specks(scene, rays):
+    """The rays that do not hit a thing so small beside its distance that float32 cannot tell where it is."""
+    hits = trace(scene, **rays, method="brute")
+    tree = _core.testing.tree(scene)
+    size = np.linalg.norm(tree["leaf_hi"] - tree["leaf_lo"], axis=1)[hits.leaf]
+    size[hits.instance >= 0] = np.inf
+    good = ~hits.found | (size > 1e-4 * np.linalg.norm(rays["origins"], axis=1))
+    return {name: a[good] for name, a in rays.items()}
+
+
+def assert_all_agree(scene, rays, methods=TREES):
+    """The same hit as brute force: the same t to the last bit, and the same primitive unless several are that near."""
+    brute = trace(scene, **rays, method="brute")
+    assert np.all(brute.t[brute.found] < rays["t_max"][brute.found])
+    assert np.all(brute.t > 0)
+    for method in methods:
+        hits = trace(scene, **rays, method=method)
+        np.testing.assert_array_equal(hits.found, brute.found, method)
+        np.testing.assert_array_equal(hits.t, brute.t, method)
+        same = (hits.leaf == brute.leaf) & (hits.instance == brute.instance)
+        for name in ("u", "v", "object", "primitive"):
+            a, b = getattr(hits, name)[same], getattr(brute, name)[same]
+            np.testing.assert_array_equal(a, b, f"{method}: {name}")
+        some = trace(scene, **rays, method=method, any_hit=True)
+        np.testing.assert_array_equal(some.found, brute.found, method)
+        assert np.all(some.t[some.found] >= brute.t[some.found])
+        assert np.all(some.t[some.found] < rays["t_max"][some.found])
+    return brute
