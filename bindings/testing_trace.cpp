@@ -184,7 +184,7 @@ nb::dict count_visits(const Scene& scene, const Rows& origins, const Rows& direc
       float near[8];
       const uint32_t mask = test.hits(g.nodes[e.index], hit.t, near);
       if (mask == 0) continue;
-      const HostEntry nearest = nearest_child(g.nodes[e.index], mask, near, stack, &top);
+      const HostEntry nearest = nearest_child<false>(g.nodes[e.index], mask, near, stack, &top);
       stack[top++] = nearest;
     }
   }

@@ -31,16 +31,19 @@ struct HostNodeTest {
 
 #if defined(__AVX2__)
 
+// safe_reciprocal of three lanes at once.
 inline HostNodeTest HostNodeTest::make(Vec3 o, Vec3 d) {
   HostNodeTest t;
-  const Vec3 r = safe_reciprocal(d);
+  const __m128 v = _mm_setr_ps(d.x, d.y, d.z, kInfinity), sign = _mm_set1_ps(-0.0f), tiny = _mm_set1_ps(1e-30f);
+  const __m128 is_tiny = _mm_cmplt_ps(_mm_andnot_ps(sign, v), tiny);
   t.origin = _mm_setr_ps(o.x, o.y, o.z, 0);
-  t.reciprocal = _mm_setr_ps(r.x, r.y, r.z, 0);
+  t.reciprocal = _mm_div_ps(_mm_set1_ps(1.0f), _mm_blendv_ps(v, _mm_or_ps(tiny, _mm_and_ps(v, sign)), is_tiny));
+  const uint32_t negative = static_cast<uint32_t>(_mm_movemask_ps(t.reciprocal));
+  constexpr uint32_t kLo = offsetof(Node8, lo), kHi = offsetof(Node8, hi);
   for (uint32_t k = 0; k < 3; ++k) {
-    const uint32_t lo = offsetof(Node8, lo) + 8 * k, hi = offsetof(Node8, hi) + 8 * k;
-    const bool positive = (k == 0 ? r.x : k == 1 ? r.y : r.z) >= 0;
-    t.near[k] = positive ? lo : hi;
-    t.far[k] = positive ? hi : lo;
+    const uint32_t up = (negative >> k & 1) * (kHi - kLo);
+    t.near[k] = kLo + 8 * k + up;
+    t.far[k] = kHi + 8 * k - up;
   }
   return t;
 }
@@ -49,7 +52,8 @@ inline __m256 load_bytes(const uint8_t* p) {
   return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p))));
 }
 
-inline uint32_t HostNodeTest::boxes(const Node8& node, float t_max, float* near_out) const {
+inline __attribute__((always_inline)) uint32_t HostNodeTest::boxes(const Node8& node, float t_max,
+                                                                   float* near_out) const {
   const uint8_t* bytes = reinterpret_cast<const uint8_t*>(&node);
   const __m128i head = _mm_load_si128(reinterpret_cast<const __m128i*>(bytes));  // origin, exponents
   const __m128 corner = _mm_blend_ps(_mm_castsi128_ps(head), _mm_setzero_ps(), 8);
@@ -99,19 +103,22 @@ inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float*
   const __m256 fy = _mm256_sub_ps(_mm256_set1_ps(ray.origin.y), cy);
   const __m256 fz = _mm256_sub_ps(_mm256_set1_ps(ray.origin.z), cz);
   const __m256 sign = _mm256_set1_ps(-0.0f), zero = _mm256_setzero_ps();
-  const __m256 a = _mm256_set1_ps(length_squared(ray.direction));
+  const float a1 = length_squared(ray.direction);
+  const __m256 a = _mm256_set1_ps(a1), inverse = _mm256_set1_ps(1.0f / a1);
   const __m256 b = _mm256_xor_ps(dot8(fx, fy, fz, dx, dy, dz), sign);
-  const __m256 s = _mm256_div_ps(b, a);
+  const __m256 s = _mm256_mul_ps(b, inverse);
   const __m256 gx = _mm256_add_ps(fx, _mm256_mul_ps(dx, s)), gy = _mm256_add_ps(fy, _mm256_mul_ps(dy, s)),
                gz = _mm256_add_ps(fz, _mm256_mul_ps(dz, s));
   const __m256 r = _mm256_load_ps(block.radius), r2 = _mm256_mul_ps(r, r);
   const __m256 discriminant = _mm256_sub_ps(r2, dot8(gx, gy, gz, gx, gy, gz));
   const __m256 crossed = _mm256_cmp_ps(discriminant, zero, _CMP_GE_OQ);
-  if (_mm256_movemask_ps(crossed) == 0) return -1;
   const __m256 c = _mm256_sub_ps(dot8(fx, fy, fz, fx, fy, fz), r2);
+  // From outside (c > 0) a sphere behind (b < 0) has both crossings at t < 0.
+  const __m256 behind = _mm256_and_ps(b, _mm256_cmp_ps(c, zero, _CMP_GT_OQ));
+  if (_mm256_movemask_ps(_mm256_andnot_ps(behind, crossed)) == 0) return -1;
   const __m256 root = _mm256_sqrt_ps(_mm256_mul_ps(a, discriminant));
   const __m256 q = _mm256_add_ps(b, _mm256_or_ps(root, _mm256_and_ps(b, sign)));
-  const __m256 t0 = _mm256_div_ps(c, q), t1 = _mm256_div_ps(q, a);
+  const __m256 t0 = _mm256_div_ps(c, q), t1 = _mm256_mul_ps(q, inverse);
   const __m256 near = _mm256_min_ps(t0, t1), far = _mm256_max_ps(t0, t1);
   const __m256 t = _mm256_blendv_ps(far, near, _mm256_cmp_ps(near, zero, _CMP_GT_OQ));
   const __m256 valid = _mm256_and_ps(_mm256_and_ps(crossed, _mm256_cmp_ps(t, zero, _CMP_GT_OQ)),
@@ -193,22 +200,27 @@ inline HostEntry host_child(const Node8& node, uint32_t slot, float near) {
   return {node.first_leaf + (meta & 0x1fu), static_cast<uint32_t>(count_bits(meta >> 5)), near};
 }
 
-// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first.
-inline HostEntry nearest_child(const Node8& node, uint32_t mask, const float* near, HostEntry* stack, int* top) {
-  const auto next = [&] {
+// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first. kInner: they are nodes.
+template <bool kInner>
+inline __attribute__((always_inline)) HostEntry nearest_child(const Node8& node, uint32_t mask, const float* near,
+                                                              HostEntry* stack, int* top) {
+  const auto next = [&]() -> HostEntry {
     const uint32_t slot = static_cast<uint32_t>(__builtin_ctz(mask));
+    const uint32_t before = ((mask & (0u - mask)) - 1) & node.inner_mask;
     mask &= mask - 1;
+    if (kInner) return {node.first_child + static_cast<uint32_t>(count_bits(before)), 0, near[slot]};
     return host_child(node, slot, near[slot]);
   };
   HostEntry best = next();
+  if (mask == 0) return best;
   const int first = *top;
-  while (mask != 0) {
+  do {
     HostEntry e = next();
     if (e.near < best.near) std::swap(e, best);
     int i = (*top)++;
     for (; i > first && stack[i - 1].near < e.near; --i) stack[i] = stack[i - 1];
     stack[i] = e;
-  }
+  } while (mask != 0);
   return best;
 }
 
@@ -244,7 +256,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
         mask = test.hits(node, hit->t, near);
       }
       if (mask != 0) {
-        e = nearest_child(node, mask, near, stack, &top);
+        e = nearest_child<kOnlyBlocks>(node, mask, near, stack, &top);
         continue;
       }
     } else if (g.leaves[e.index].kind() != PrimitiveKind::Instance) {

@@ -21,6 +21,13 @@
 #define DST_COLD
 #endif
 
+// Before small functions of the hot path: inlined wherever they are called on the host, whatever the compiler counts.
+#if defined(__CUDACC__)
+#define DST_HOT
+#else
+#define DST_HOT __attribute__((always_inline))
+#endif
+
 // Marks free functions that run on host and device and are big and rarely needed: one copy, called.
 #if defined(__CUDACC__)
 #define DST_NOINLINE __host__ __device__ __noinline__ inline

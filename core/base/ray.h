@@ -31,7 +31,7 @@ DST_FN constexpr float gamma_bound(int n) {
 
 // Moves p along the normal n out of its box of error (half-widths `error`), to the side that w points to, so that a
 // ray from there cannot meet the surface again by rounding (pbrt 4, section 6.8.6). No constant epsilon is involved.
-DST_FN Vec3 offset_origin(Vec3 p, Vec3 error, Vec3 n, Vec3 w) {
+DST_FN DST_HOT Vec3 offset_origin(Vec3 p, Vec3 error, Vec3 n, Vec3 w) {
   const Vec3 rounding = abs(p) * gamma_bound(2);  // of the addition below
   const float d = dot(abs(n), error + rounding);
   return p + n * (dot(w, n) < 0 ? -d : d);

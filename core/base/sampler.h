@@ -52,13 +52,13 @@ struct Sampler {
       : key(hash_combine(hash32(seed ^ 0x68bc21ebU), pixel)), reversed_index(reverse_bits(sample)) {}
 
   // A number in [0, 1) for one dimension.
-  DST_HD DST_COLD float get_1d(uint32_t dimension) const {
+  DST_HD DST_COLD DST_HOT float get_1d(uint32_t dimension) const {
     const uint32_t seed = hash_combine(key, dimension);
     const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
     return to_unit_float(reverse_bits(owen_scramble_reversed(i, hash32(seed))));
   }
   // A point in [0, 1)^2. It takes one dimension number, from the same space as get_1d's: never use one number for both.
-  DST_HD DST_COLD Vec2 get_2d(uint32_t dimension) const {
+  DST_HD DST_COLD DST_HOT Vec2 get_2d(uint32_t dimension) const {
     const uint32_t seed = hash_combine(key, dimension);
     const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
     const uint32_t seed_x = hash32(seed), seed_y = hash32(seed_x);

@@ -56,7 +56,7 @@ DST_FN constexpr Vec3 cross(Vec3 a, Vec3 b) {
 }
 DST_FN constexpr float length_squared(Vec3 a) { return dot(a, a); }
 DST_FN float length(Vec3 a) { return sqrtf(dot(a, a)); }
-DST_FN Vec3 normalize(Vec3 a) { return a * (1.0f / length(a)); }
+DST_FN DST_HOT Vec3 normalize(Vec3 a) { return a * (1.0f / length(a)); }
 
 DST_FN constexpr float min(float a, float b) { return a < b ? a : b; }
 DST_FN constexpr float max(float a, float b) { return a > b ? a : b; }
@@ -93,7 +93,7 @@ struct Frame {
   Vec3 x, y, z;
 
   // Basis around a unit normal, continuous except at z = 0 (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
-  DST_HD static Frame from_z(Vec3 n) {
+  DST_HD DST_HOT static Frame from_z(Vec3 n) {
     const float sign = copysignf(1.0f, n.z);
     const float a = -1.0f / (sign + n.z);
     const float b = n.x * n.y * a;
@@ -107,8 +107,8 @@ struct Frame {
     const Vec3 x = t * (1.0f / sqrtf(len2));
     return {x, cross(n, x), n};
   }
-  DST_HD Vec3 to_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
-  DST_HD Vec3 to_local(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
+  DST_HD DST_HOT Vec3 to_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
+  DST_HD DST_HOT Vec3 to_local(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
 };
 
 }  // namespace destello

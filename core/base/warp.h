@@ -11,7 +11,7 @@ struct SinCos {
 
 // Sine and cosine of 2 pi u for u in [0, 1]: minimax polynomials on an eighth of a turn, error below 1e-7, the same
 // bits on host and device.
-DST_FN SinCos sincos_turns(float u) {
+DST_FN DST_HOT SinCos sincos_turns(float u) {
   const float q = floorf(u * 4.0f + 0.5f);         // quarter turns
   const float x = (u - q * 0.25f) * (2.0f * kPi);  // [-pi/4, pi/4]
   const float x2 = x * x;
@@ -25,7 +25,7 @@ DST_FN SinCos sincos_turns(float u) {
 }
 
 // Uniform on the unit disk, area-preserving and continuous (Shirley and Chiu 1997). Density 1/pi.
-DST_FN Vec2 square_to_disk(Vec2 u) {
+DST_FN DST_HOT Vec2 square_to_disk(Vec2 u) {
   const float a = 2.0f * u.x - 1.0f, b = 2.0f * u.y - 1.0f;
   if (a == 0 && b == 0) return {0, 0};
   const bool wide = fabsf(a) > fabsf(b);

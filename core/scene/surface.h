@@ -81,7 +81,7 @@ DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surf
   return s;
 }
 
-DST_FN Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
+DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
   const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
   const ObjectRecord& object = scene.objects[prim.object];
   const bool instanced = hit.instance != Hit::kNone;

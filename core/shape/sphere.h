@@ -11,16 +11,16 @@ namespace destello {
 // "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, chapter 7).
 DST_FN float intersect_sphere(Vec3 origin, Vec3 d, float t_max, Vec3 center, float radius) {
   const Vec3 f = origin - center;
-  const float a = length_squared(d);
+  const float a = length_squared(d), inverse = 1.0f / a;
   const float b = -dot(f, d);  // half of the usual coefficient, negated
-  const Vec3 across = f + d * (b / a);
+  const Vec3 across = f + d * (b * inverse);
   const float r2 = radius * radius;
   const float discriminant = r2 - length_squared(across);
   if (!(discriminant >= 0)) return kInfinity;
   const float f2 = length_squared(f);
   const float c = f2 - r2;
   const float q = b + copysignf(sqrtf(a * discriminant), b);
-  const float t0 = c / q, t1 = q / a;
+  const float t0 = c / q, t1 = q * inverse;
   const float near = min(t0, t1), far = max(t0, t1);
   const float t = near > 0 ? near : far;
   return t > 0 && t < t_max ? t : kInfinity;
