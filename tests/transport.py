@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import stats
 from numpy.typing import ArrayLike, NDArray
 
 import destello as dl
+import stats
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import stats
-import tracing
-from transport import assert_agree, assert_constant, assert_known, estimate, floor
 
 import destello as dl
+import stats
+import tracing
 from destello import _core
+from transport import assert_agree, assert_constant, assert_known, estimate, floor
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -200,7 +200,7 @@ def test_bounds_hold_every_element():
 def test_every_element_of_a_list_is_hit():
     centers = np.array([(3.0 * i, 0, 0) for i in range(40)])
     scene = tracing.Geometry().spheres(centers, np.full(40, 0.5)).build()
-    hits = tracing.trace(scene, centers + (0, 0, 5), (0, 0, -1))
+    hits = tracing.trace(scene, centers + np.array([0, 0, 5]), (0, 0, -1))
     assert sorted(hits.primitive.tolist()) == list(range(40))
 
 

@@ -6,9 +6,9 @@ from math import cos, exp, pi, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
-from transport import assert_constant, assert_known, down_on, estimate, floor, pixel_points
 
 import destello as dl
+from transport import assert_constant, assert_known, down_on, estimate, floor, pixel_points
 
 HALF, SIZE = 1.5, 8  # of the part of the floor that `down_on` shows, metres and pixels
 ALBEDO = 0.6
@@ -125,7 +125,7 @@ def test_polygon_light(kind, sampling, device):
 
 
 def test_power_of_an_emitter_is_what_it_radiates(device):
-    """A ball of 8 W, and the same stretched to an ellipsoid far away: intensity = power / 4 pi, projected areas apart."""
+    """Radiance is the power over pi times the area."""
     for shape in ("ball", "quad"):
         scene = dl.Scene("power")
         scene.camera = dl.cameras.perspective(origin=(0, 0, 5), target=(0, 0, 0), vfov=1)
@@ -238,8 +238,9 @@ def slab(bottom, top, material):
     return dl.shapes.box((-30, bottom, -30), (30, top, 30), material=material)
 
 
-def check_stack(shapes, layers, device, angle=radians(50), spp=1024, **options):
+def check_stack(shapes, layers, device, degrees=50.0, spp=1024, **options):
     """Looks down on the slabs under a sky that shines from above only, and under one that shines from below only."""
+    angle = radians(degrees)
     reflected, passed = stack(angle, layers)
     for above in (True, False):
         scene = dl.Scene("slab")
@@ -258,7 +259,7 @@ def check_stack(shapes, layers, device, angle=radians(50), spp=1024, **options):
 
 @pytest.mark.parametrize("degrees", [0.01, 50, 80])
 def test_window(degrees, device):
-    check_stack([slab(0, 0.2, dl.materials.dielectric(ior=1.5))], [(1.5, 0, 0.2)], device, radians(degrees))
+    check_stack([slab(0, 0.2, dl.materials.dielectric(ior=1.5))], [(1.5, 0, 0.2)], device, degrees)
 
 
 def test_matched_absorbing_slab(device):

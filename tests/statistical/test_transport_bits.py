@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -70,7 +72,7 @@ def test_threads_do_not_matter(threads, scene, reference, device):
 def test_any_split_added_in_any_order(parts, scene, reference, device):
     rng = np.random.default_rng(parts)
     cuts = [0, *sorted(rng.choice(np.arange(1, SAMPLES), parts, replace=False)), SAMPLES]
-    spans = [(int(a), int(b)) for a, b in zip(cuts, cuts[1:], strict=False)]
+    spans = [(int(a), int(b)) for a, b in pairwise(cuts)]
     films = [render(scene, device, a, b, threads=1 + i % 3) for i, (a, b) in enumerate(spans)]
     for _ in range(3):
         total = _core.Film(WIDTH, HEIGHT, aovs=True)
@@ -89,7 +91,7 @@ def test_sample_after_sample_into_one_film(scene, reference, device):
 def test_tiles_of_the_picture(scene, reference, device):
     film = None
     xs, ys = [0, 5, 16, 30, WIDTH], [0, 1, 20, HEIGHT]
-    tiles = [(x0, y0, x1, y1) for x0, x1 in zip(xs, xs[1:], strict=False) for y0, y1 in zip(ys, ys[1:], strict=False)]
+    tiles = [(x0, y0, x1, y1) for x0, x1 in pairwise(xs) for y0, y1 in pairwise(ys)]
     for i in np.random.default_rng(4).permutation(len(tiles)):
         film = render(scene, device, crop=tiles[i], film=film)
     assert same(film, reference(device))

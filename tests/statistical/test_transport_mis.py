@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from transport import assert_agree, estimate, floor
 
 import destello as dl
+from transport import assert_agree, estimate, floor
 
 MODES = ["bsdf", "light", "auto"]
 
@@ -63,9 +63,8 @@ def with_environment(environment):
 def many_lights():
     rng = np.random.default_rng(11)
     scene = stage()
-    for i in range(12):
-        center = (*rng.uniform(-2, 2, 2), rng.uniform(-2, 1))
-        center = (center[0], 1.8 + 0.4 * rng.random(), center[2])
+    for _ in range(12):
+        center = (rng.uniform(-2, 2), rng.uniform(1.8, 2.2), rng.uniform(-2, 1))
         scene.add(dl.shapes.sphere(center, 0.15 + 0.2 * rng.random(), material=lamp(rng.uniform(0.5, 12, 3))))
     scene.add(ceiling(lamp((0.4, 0.2, 0.9), two_sided=True)))
     scene.environment = dl.environments.constant(radiance=0.2)
@@ -190,7 +189,7 @@ SCENES = {
             (0, 0, 4),
             material=dl.materials.mix(first=see_through(0.2), second=see_through(1.0), amount=holes()),
         ),
-    ),  # fmt: skip
+    ),
     "half-transparent lamp": lambda: stage(ceiling(dl.materials.diffuse(reflectance=0.3, emission=5, opacity=0.4))),
     "lamp with holes": lambda: stage(
         ceiling(dl.materials.diffuse(reflectance=0.3, emission=5, opacity=holes(), opacity_cutoff=0.5))
@@ -201,7 +200,7 @@ SCENES = {
             0.6,
             material=dl.materials.diffuse(reflectance=0.3, emission=5, emission_two_sided=True, opacity=0.5),
         )
-    ),  # fmt: skip
+    ),
     "lamp in a mixture": lambda: stage(
         ceiling(dl.materials.mix(first=lamp(6), second=dl.materials.diffuse(), amount=0.7))
     ),

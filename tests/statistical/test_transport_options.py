@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import stats
-from transport import assert_agree, assert_constant, assert_known, down_on, estimate, floor
 
 import destello as dl
+import stats
+from transport import assert_agree, assert_constant, assert_known, down_on, estimate, floor
 
 
 def everything():
