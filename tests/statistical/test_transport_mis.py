@@ -68,7 +68,6 @@ def many_lights():
         scene.add(dl.shapes.sphere(center, 0.15 + 0.2 * rng.random(), material=lamp(rng.uniform(0.5, 12, 3))))
     scene.add(ceiling(lamp((0.4, 0.2, 0.9), two_sided=True)))
     scene.environment = dl.environments.constant(radiance=0.2)
-    scene.add(dl.lights.point(position=(1, 3, 2), intensity=2))
     scene.add(dl.lights.directional(direction=(-1, -2, -1), irradiance=0.5, angular_diameter=40))
     return scene
 
@@ -228,3 +227,15 @@ def test_light_sampling_and_bsdf_sampling_agree(name, device):
         spp = 2048 if mode == "bsdf" else 512
         other = estimate(scene, device, spp=spp, size=(8, 8), sampling=mode, seed=2 + i, max_depth=5)
         assert_agree(both, other, comparisons=len(MODES) * len(SCENES))
+
+
+def test_points_and_beams_among_lamps(device):
+    """Only light sampling finds lights without extent; both kinds of weights for the others agree beside them."""
+    scene = many_lights()
+    scene.add(dl.lights.point(position=(1, 3, 2), intensity=4))
+    scene.add(dl.lights.spot(position=(-1, 3, 2), target=(0, 0, 0), intensity=20))
+    scene.add(dl.lights.directional(direction=(0, -1, 0.2), irradiance=0.5))
+    both = estimate(scene, device, spp=512, size=(8, 8), sampling="mis", seed=1, max_depth=5)
+    for i, mode in enumerate(("light", "auto")):
+        other = estimate(scene, device, spp=512, size=(8, 8), sampling=mode, seed=2 + i, max_depth=5)
+        assert_agree(both, other, comparisons=2)
