@@ -45,7 +45,9 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
   if (!(at.pdf > 0) || d2 == 0) return l;
   l.wi = d * (1.0f / sqrtf(d2));
   const uint32_t material = scene.objects[scene.geometry.leaves[light.leaf].object].material;
-  l.radiance = emitted_radiance(scene, material, {at.p, at.uv, at.color}, at.ng, -l.wi);
+  const TextureContext context{at.p, at.uv, at.color};
+  l.radiance = emitted_radiance(scene, material, context, at.ng, -l.wi) *
+               surface_opacity(scene, scene.materials[material], context);
   l.pdf = at.pdf * pick_pdf;
   l.has_target = true;
   l.target = offset_origin(at.p, at.error, at.ng, -l.wi);
@@ -66,13 +68,18 @@ DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode,
   return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
 }
 
+// The ray from `origin` to just before `target`, both already moved off their surfaces.
+DST_FN Ray ray_between(Vec3 origin, Vec3 target, Vec3 direction, float time) {
+  const Vec3 d = target - origin;
+  const float distance = length(d);
+  if (!(distance > 0)) return {origin, direction, 0, time};
+  return {origin, d * (1.0f / distance), distance * (1.0f - gamma_bound(8)), time};
+}
+
 // The shadow ray from `origin` (already moved off its surface).
 DST_FN Ray shadow_ray(Vec3 origin, const LightPick& light, float time) {
   if (!light.has_target) return {origin, light.wi, kInfinity, time};
-  const Vec3 d = light.target - origin;
-  const float distance = length(d);
-  if (!(distance > 0)) return {origin, light.wi, 0, time};
-  return {origin, d * (1.0f / distance), distance * (1.0f - gamma_bound(8)), time};
+  return ray_between(origin, light.target, light.wi, time);
 }
 
 // Weight of light sampling against BSDF sampling with density bsdf_pdf for the same direction.
@@ -87,7 +94,7 @@ DST_FN float hit_weight(const SceneView& scene, LightSampling mode, float bsdf_p
   if (bsdf_pdf == kInfinity || mode == LightSampling::Bsdf) return 1;
   const Span<AliasEntry> table = light_table(scene, mode).pick;
   const float pick = light < table.size ? table[light].pdf : 0.0f;
-  if (mode == LightSampling::Light) return pick > 0 ? 0.0f : 1.0f;
+  if (mode == LightSampling::Light) return pick * light_pdf > 0 ? 0.0f : 1.0f;
   return power_heuristic(bsdf_pdf, pick * light_pdf);
 }
 

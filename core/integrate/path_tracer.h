@@ -167,13 +167,14 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
   if (m.flags & kIsBoundary) {
     const uint32_t beyond = interior_beyond(scene, path->inside, m.interior, s.front);
-    const bool hidden = beyond != kNoIndex && scene.interiors[beyond].priority > scene.interiors[m.interior].priority;
-    if (hidden || (m.flags & kIsInterface)) {
+    if ((m.flags & kIsInterface) || is_hidden(scene, beyond, m.interior)) {
       cross_boundary(&path->inside, m.interior, s.front);
       pass_straight(path, s, hit.t);
       return;
     }
     if (beyond != kNoIndex) point.context.outside_ior = scene.interiors[beyond].ior;
+  } else if (!path->inside.empty()) {
+    point.context.outside_ior = scene.interiors[path->inside.current(scene.interiors)].ior;
   }
   scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs);
 }
@@ -186,6 +187,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
                                    uint32_t dimension) {
   InteriorStack inside = shadow.inside;
   Ray ray = shadow.ray;
+  const Vec3 target = ray.origin + ray.direction * ray.t_max;  // of a light at a finite place
   Vec3 left(1);
   for (uint32_t step = 0;; ++step) {
     Hit hit;
@@ -200,14 +202,18 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));
     const MaterialRecord& m = scene.materials[index];
-    if (m.flags & kOpaqueToShadows) return Vec3(0);
-    if (m.flags & kIsInterface) {
+    const bool hidden =
+        (m.flags & kIsBoundary) && is_hidden(scene, interior_beyond(scene, inside, m.interior, s.front), m.interior);
+    if ((m.flags & kOpaqueToShadows) && !hidden) return Vec3(0);
+    if ((m.flags & kIsInterface) || hidden) {
       cross_boundary(&inside, m.interior, s.front);
     } else {
       left *= 1.0f - surface_opacity(scene, m, context);
     }
-    ray.origin = offset_origin(s.p, s.error, s.ng, ray.direction);
-    ray.t_max -= hit.t;
+    const Vec3 origin = offset_origin(s.p, s.error, s.ng, ray.direction);
+    // Aim again: what the offset has moved would else add up to a hit on the light itself.
+    ray = ray.t_max < kInfinity ? ray_between(origin, target, ray.direction, ray.time)
+                                : Ray{origin, ray.direction, kInfinity, ray.time};
   }
 }
 

@@ -3,7 +3,7 @@
 
 #include "bsdf/spectrum.h"
 #include "integrate/records.h"
-#include "scene/surface.h"
+#include "scene/area_light.h"
 
 namespace destello {
 
@@ -19,13 +19,6 @@ DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, 
     u = min(u, kOneMinusEpsilon);
     material = second ? m.mix_second : m.mix_first;
   }
-}
-
-DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
-  if (!(m.flags & kHasOpacity)) return 1;
-  const Slot& slot = scene.textures.slots[m.surface_slot + kOpacitySlot];
-  const float opacity = saturate(eval_slot(slot, context, scene.textures, true).x);
-  return m.opacity_cutoff > 0 ? (opacity >= m.opacity_cutoff ? 1.0f : 0.0f) : opacity;
 }
 
 // The surface as a BSDF sees it.

@@ -28,6 +28,11 @@ DST_FN uint32_t interior_beyond(const SceneView& scene, InteriorStack inside, ui
   return inside.current(scene.interiors);
 }
 
+// True if a boundary does not show, because what lies beyond it goes before its own inside.
+DST_FN bool is_hidden(const SceneView& scene, uint32_t beyond, uint32_t interior) {
+  return beyond != kNoIndex && scene.interiors[beyond].priority > scene.interiors[interior].priority;
+}
+
 // Ends the path by chance if it carries little (Arvo and Kirk 1990); the survivors make up for it.
 DST_FN void roulette(const RenderSettings& settings, Path* path) {
   if (path->depth < settings.roulette_depth) return;

@@ -87,7 +87,11 @@ DST_FN float area_light_pdf(const SceneView& scene, const AreaLight& light, Vec3
   if (prim.kind() == PrimitiveKind::Sphere) {
     const WorldSphere s = world_sphere(scene, light, prim, time);
     const float d2 = length_squared(from - s.center), r2 = s.radius * s.radius;
-    if (d2 > r2 * 1.0001f) return cone_pdf(sphere_one_minus_cos(d2, s.radius));
+    if (d2 > r2 * 1.0001f) {
+      // The far side, seen through a hole in the near one, is never drawn.
+      const bool near_side = dot(p - s.center, p - from) <= 0;
+      return near_side ? cone_pdf(sphere_one_minus_cos(d2, s.radius)) : 0.0f;
+    }
     return area_to_solid_angle(from, p, ng, 4 * kPi * r2);
   }
   const TriangleVertices v = world_triangle(scene, light, prim, time);
@@ -160,6 +164,14 @@ DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& lig
   }
   l.pdf = area_to_solid_angle(from, l.p, l.ng, 0.5f * len);
   return l;
+}
+
+// Share of the surface that is there.
+DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
+  if (!(m.flags & kHasOpacity)) return 1;
+  const Slot& slot = scene.textures.slots[m.surface_slot + kOpacitySlot];
+  const float opacity = saturate(eval_slot(slot, context, scene.textures, true).x);
+  return m.opacity_cutoff > 0 ? (opacity >= m.opacity_cutoff ? 1.0f : 0.0f) : opacity;
 }
 
 // Radiance that the material emits at a point towards direction w (away from the surface).

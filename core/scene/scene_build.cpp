@@ -111,10 +111,24 @@ void SceneBuilder::collect_area_lights() {
   }
 }
 
+// By how much an instance enlarges the area of a sphere: exact for similarities, else the mean over a grid of directions.
+static float mean_stretch(const Instance& instance) {
+  constexpr int kGrid = 64;
+  double sum = 0;
+  for (int i = 0; i < kGrid * kGrid; ++i) {
+    const Vec2 u{(static_cast<float>(i % kGrid) + 0.5f) / kGrid, (static_cast<float>(i / kGrid) + 0.5f) / kGrid};
+    sum += static_cast<double>(ellipsoid_stretch(instance.to_world, instance.to_local, square_to_sphere(u)));
+  }
+  return static_cast<float>(sum / (kGrid * kGrid));
+}
+
 float SceneBuilder::emitter_area(const AreaLight& light) const {
   const SceneView& v = scene_->view_;
   const LeafPrimitive& p = v.geometry.leaves[light.leaf];
-  if (p.kind() == PrimitiveKind::Sphere) return 4 * kPi * sqr(world_sphere(v, light, p, 0).radius);
+  if (p.kind() == PrimitiveKind::Sphere) {
+    const float area = 4 * kPi * sqr(p.b.x);
+    return light.instance == kNoIndex ? area : area * mean_stretch(v.geometry.instances[light.instance]);
+  }
   const TriangleVertices t = world_triangle(v, light, p, 0);
   return 0.5f * length(cross(t.b - t.a, t.c - t.a));
 }
@@ -240,9 +254,12 @@ void SceneBuilder::make_view() {
   v.has_boundaries = !a.interiors.empty();
   const bool vacuum =
       std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); });
+  const bool ranked = std::any_of(a.interiors.begin(), a.interiors.end(), [&](const Interior& i) {
+    return i.priority != a.interiors.front().priority;  // one may then hide another's boundary
+  });
   uint32_t any = 0, all = ~0u;
   for (const MaterialRecord& m : a.materials) any |= m.flags, all &= m.flags;
-  v.clear_shadows = vacuum && (all & kOpaqueToShadows);
+  v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
   v.simple = v.clear_shadows && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasNormalMap));
 }
 
