@@ -160,9 +160,7 @@ nb::dict stats(const Scene& scene) {
   return d;
 }
 
-}  // namespace
-
-void register_scene(nb::module_& m) {
+void register_schema(nb::module_& m) {
   m.def(
       "schema",
       [] {
@@ -177,7 +175,12 @@ void register_scene(nb::module_& m) {
         return d;
       },
       "The declared parameters of everything that a scene is made of.");
+}
 
+}  // namespace
+
+void register_scene(nb::module_& m) {
+  register_schema(m);
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
   nb::class_<SceneBuilder>(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input raises ValueError.")

@@ -224,6 +224,28 @@ inline __attribute__((always_inline)) HostEntry nearest_child(const Node8& node,
   return best;
 }
 
+// Tests the sphere blocks of a node; on a nearer hit writes t and leaf and returns true (kAny: at the first one).
+template <bool kAny>
+inline bool hit_blocks(const GeometryView& g, uint32_t blocks, const LocalRay& local, Hit* hit) {
+  bool found = false;
+  for (uint32_t i = 0; i < (blocks & 3); ++i) {
+    const SphereBlock& block = g.blocks[(blocks >> 2) + i];
+    const int lane = intersect_block(block, local, &hit->t);
+    if (lane < 0) continue;
+    hit->leaf = block.first + static_cast<uint32_t>(lane);
+    found = true;
+    if (kAny) return true;
+  }
+  return found;
+}
+
+// The ray as an instance's group sees it.
+inline void enter_instance(const Instance& it, const Ray& ray, LocalRay* local, HostNodeTest* test) {
+  const Transform to_local = it.local_at(ray.time);
+  *local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
+  *test = HostNodeTest::make(local->origin, local->direction);
+}
+
 // kOnlyBlocks: the scene is as GeometryView::only_blocks says, and the code for all else is left out.
 template <bool kAny, bool kOnlyBlocks>
 inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
@@ -239,11 +261,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
     if (kOnlyBlocks || e.count == 0) {
       const Node8& node = g.nodes[e.index];
       const uint32_t blocks = kOnlyBlocks || g.blocks_of_node != nullptr ? g.blocks_of_node[e.index] : 0;
-      for (uint32_t i = 0; i < (blocks & 3); ++i) {
-        const SphereBlock& block = g.blocks[(blocks >> 2) + i];
-        const int lane = intersect_block(block, local, &hit->t);
-        if (lane < 0) continue;
-        hit->leaf = block.first + static_cast<uint32_t>(lane);
+      if (hit_blocks<kAny>(g, blocks, local, hit)) {
         hit->instance = instance;
         found = true;
         if (kAny) return true;
@@ -274,9 +292,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       if (e.count > 1) stack[top++] = {e.index + 1, e.count - 1, e.near};
       floor = top;
       const Instance& it = g.instances[instance];
-      const Transform to_local = it.local_at(ray.time);
-      local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
-      test = HostNodeTest::make(local.origin, local.direction);
+      enter_instance(it, ray, &local, &test);
       e = {it.root, 0, 0.0f};
       continue;
     }

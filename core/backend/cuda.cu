@@ -10,7 +10,7 @@
 #include <chrono>
 
 #include "backend/backend.h"
-#include "backend/device_scene.h"
+#include "backend/device_scene.cuh"
 #include "integrate/path_tracer.h"
 
 namespace destello {

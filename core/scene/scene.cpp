@@ -1,4 +1,5 @@
 #include "scene/scene.h"
+#include "scene/material_queries.h"
 
 #include <algorithm>
 #include <cmath>
@@ -60,52 +61,6 @@ void check_finite(const std::vector<Vec3>& points, const char* what) {
     if (!is_finite(points[i]))
       fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
 }
-
-struct MaterialIor {
-  const Slot* slots;
-  template <class T>
-  float operator()() const {
-    for (size_t i = 0; i < T::params.size(); ++i)
-      if (std::string_view(T::params[i].name) == "ior" && std::is_same_v<T, Dielectric>) return slots[i].value.x;
-    return 1.0f;
-  }
-};
-
-// The value of a named parameter of SurfaceParams.
-Vec3 surface_value(const std::vector<Slot>& surface, std::string_view name) {
-  for (size_t i = 0; i < SurfaceParams::params.size(); ++i)
-    if (name == SurfaceParams::params[i].name) return surface[i].value;
-  fail("no surface parameter " + std::string(name));
-}
-const Slot& surface_slot(const std::vector<Slot>& surface, std::string_view name) {
-  for (size_t i = 0; i < SurfaceParams::params.size(); ++i)
-    if (name == SurfaceParams::params[i].name) return surface[i];
-  fail("no surface parameter " + std::string(name));
-}
-
-// True if the material has delta lobes only, wherever it is. Textured parameters make it false.
-struct IsDeltaOnly {
-  const Slot* slots;
-  template <class T>
-  bool operator()() const {
-    return check<T>(std::make_index_sequence<T::params.size()>{});
-  }
-  template <class T, size_t... I>
-  bool check(std::index_sequence<I...>) const {
-    if (!(slots[I].is_constant() && ...)) return false;
-    T bsdf;
-    (set_param<T, I>(bsdf, slots[I].value), ...);
-    // A rough interface of equal indices is a delta as well, but only there: ask twice.
-    for (const float outside : {1.0f, 1.37f}) {
-      BsdfContext context;
-      context.outside_ior = outside;
-      T b = bsdf;
-      prepare(b, context);
-      if (!only_delta(b)) return false;
-    }
-    return true;
-  }
-};
 
 struct MaterialParamCount {
   template <class T>

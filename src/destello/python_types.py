@@ -183,7 +183,14 @@ RENDER = _type(
     "render",
     "How the scene wants to be rendered, unless the caller says otherwise.",
     ParamDoc("spp", "samples a pixel", "integer", default=64, min=1, max=2**31 - 1),
-    ParamDoc("max_depth", "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light", "integer", default=32, min=1, max=10000),
+    ParamDoc(
+        "max_depth",
+        "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light",
+        "integer",
+        default=32,
+        min=1,
+        max=10000,
+    ),
     ParamDoc(
         "rr_depth",
         "the first scattering at which Russian roulette may end a path",

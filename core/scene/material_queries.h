@@ -1,0 +1,59 @@
+// What the scene builder asks materials about their parameters. Host only.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "scene/scene_view.h"
+#include "scene/surface_params.h"
+
+namespace destello {
+
+// The index of refraction inside a material: 1 but for dielectrics.
+struct MaterialIor {
+  const Slot* slots;
+  template <class T>
+  float operator()() const {
+    for (size_t i = 0; i < T::params.size(); ++i)
+      if (std::string_view(T::params[i].name) == "ior" && std::is_same_v<T, Dielectric>) return slots[i].value.x;
+    return 1.0f;
+  }
+};
+
+// The slot of a named parameter of SurfaceParams, and its value.
+inline const Slot& surface_slot(const std::vector<Slot>& surface, std::string_view name) {
+  for (size_t i = 0; i < SurfaceParams::params.size(); ++i)
+    if (name == SurfaceParams::params[i].name) return surface[i];
+  throw std::invalid_argument("no surface parameter " + std::string(name));
+}
+inline Vec3 surface_value(const std::vector<Slot>& surface, std::string_view name) {
+  return surface_slot(surface, name).value;
+}
+
+// True if the material has delta lobes only, wherever it is. Textured parameters make it false.
+struct IsDeltaOnly {
+  const Slot* slots;
+  template <class T>
+  bool operator()() const {
+    return check<T>(std::make_index_sequence<T::params.size()>{});
+  }
+  template <class T, size_t... I>
+  bool check(std::index_sequence<I...>) const {
+    if (!(slots[I].is_constant() && ...)) return false;
+    T bsdf;
+    (set_param<T, I>(bsdf, slots[I].value), ...);
+    // A rough interface of equal indices is a delta as well, but only there: ask twice.
+    for (const float outside : {1.0f, 1.37f}) {
+      BsdfContext context;
+      context.outside_ior = outside;
+      T b = bsdf;
+      prepare(b, context);
+      if (!only_delta(b)) return false;
+    }
+    return true;
+  }
+};
+
+}  // namespace destello

@@ -1,0 +1,143 @@
+"""Glass and water against closed forms: Fresnel, absorption, nesting."""
+
+from __future__ import annotations
+
+from math import cos, exp, radians, sqrt, tan
+
+import numpy as np
+import pytest
+
+import destello as dl
+from transport import assert_constant, assert_known, estimate
+
+
+def fresnel(cos_i, eta):
+    """Reflectance and refracted cosine, from index 1 to eta."""
+    cos_t = sqrt(1 - (1 - cos_i**2) / eta**2)
+    s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
+    p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
+    return (s * s + p * p) / 2, cos_t
+
+
+def stack(angle, layers):
+    """Reflectance and transmittance, without interference, of layers (index, absorption, thickness) in air.
+
+    Each boundary and each absorbing layer in turn is put under what is there already (reflections seen from above and
+    from below, transmittance the same both ways).
+    """
+    front, back, through = 0.0, 0.0, 1.0
+    index, cosine = 1.0, cos(angle)
+    for n, absorption, thickness in [*layers, (1.0, 0.0, 0.0)]:
+        r, next_cosine = fresnel(cosine, n / index)
+        front, back, through = (
+            front + through**2 * r / (1 - back * r),
+            r + (1 - r) ** 2 * back / (1 - back * r),
+            through * (1 - r) / (1 - back * r),
+        )
+        index, cosine = n, next_cosine
+        left = exp(-absorption * thickness / cosine)
+        through, back = through * left, back * left**2
+    return front, through
+
+
+def slab(bottom, top, material):
+    return dl.shapes.box((-30, bottom, -30), (30, top, 30), material=material)
+
+
+def check_stack(shapes, layers, device, degrees=50.0, spp=1024, **options):
+    """Looks down on the slabs under a sky that shines from above only, and under one that shines from below only."""
+    angle = radians(degrees)
+    reflected, passed = stack(angle, layers)
+    for above in (True, False):
+        scene = dl.Scene("slab")
+        scene.add(*shapes)
+        scene.camera = dl.cameras.orthographic(
+            origin=(0, 10, 10 * tan(angle)), target=(0, 0, 0), up=(0, 1, 0), height=0.5
+        )
+        ends = {"top": 1, "bottom": 0} if above else {"top": 0, "bottom": 1}
+        scene.environment = dl.environments.gradient(**ends)
+        # The gradient towards the reflected and towards the straight direction.
+        towards, away = (1 + cos(angle)) / 2, (1 - cos(angle)) / 2
+        known = reflected * (towards if above else away) + passed * (away if above else towards)
+        got = estimate(scene, device, spp=spp, size=(6, 6), **options)
+        assert_known(got, known, comparisons=2, slack=1e-4)
+
+
+@pytest.mark.parametrize("degrees", [0.01, 50, 80])
+def test_window(degrees, device):
+    check_stack([slab(0, 0.2, dl.materials.dielectric(ior=1.5))], [(1.5, 0, 0.2)], device, degrees)
+
+
+def test_matched_absorbing_slab(device):
+    """Beer-Lambert alone: no boundary is seen, and nothing is random."""
+    scene = dl.Scene("filter")
+    material = dl.materials.dielectric(ior=1, medium_absorption=(0.5, 1.0, 2.0))
+    scene.add(slab(0, 0.8, material))
+    scene.environment = dl.environments.constant(radiance=1)
+    scene.camera = dl.cameras.orthographic(origin=(0, 10, 10), target=(0, 0, 0), height=0.5)
+    got = estimate(scene, device, spp=2)
+    assert_constant(got, np.exp(-np.array([0.5, 1.0, 2.0]) * 0.8 * sqrt(2)), rtol=1e-4)
+
+
+def test_absorbing_window(device):
+    glass = dl.materials.dielectric(ior=1.6, medium_absorption=0.7)
+    check_stack([slab(0, 0.9, glass)], [(1.6, 0.7, 0.9)], device)
+
+
+@pytest.mark.parametrize("overlap", [0.001, 0.3])
+def test_liquid_in_glass(overlap, device):
+    """Glass goes before liquid: where they overlap there is glass, and the liquid's own boundary is not there."""
+    glass = dl.materials.dielectric(ior=1.5, medium_absorption=0.2, priority=2)
+    liquid = dl.materials.dielectric(ior=1.33, medium_absorption=0.9, priority=1)
+    shapes = [slab(1, 1.5, glass), slab(0, 1 + overlap, liquid)]
+    check_stack(shapes, [(1.5, 0.2, 0.5), (1.33, 0.9, 1.0)], device)
+
+
+def test_bubble_of_air_in_glass(device):
+    """Air with a boundary of its own inside glass: four boundaries, two layers of glass."""
+    glass = dl.materials.dielectric(ior=1.5, medium_absorption=0.4)
+    shapes = [slab(0, 3, glass), slab(1, 1.5, dl.materials.dielectric(ior=1))]
+    check_stack(shapes, [(1.5, 0.4, 1.5), (1.0, 0.0, 0.5), (1.5, 0.4, 1.0)], device)
+
+
+def test_metal_under_water(device):
+    """The water's index counts at the metal's surface."""
+    water = dl.materials.dielectric(ior=1.33)
+    metal = dl.materials.conductor(fresnel="eta_k", eta=0.2, k=2.0)
+    scene = dl.Scene("metal under water")
+    scene.add(slab(0, 1, water), dl.shapes.quad((-50, 0.5, 50), (100, 0, 0), (0, 0, -100), material=metal))
+    scene.camera = dl.cameras.orthographic(origin=(0, 10, 0), target=(0, 0, 0), up=(0, 0, 1), height=0.5)
+    scene.environment = dl.environments.constant(radiance=1)
+    r, _ = fresnel(1, 1.33)
+    m = ((0.2 - 1.33) ** 2 + 4) / ((0.2 + 1.33) ** 2 + 4)
+    assert_known(estimate(scene, device, spp=1024), r + (1 - r) ** 2 * m / (1 - r * m), slack=1e-4)
+
+
+@pytest.mark.parametrize("inner", [0.5, 0.99])
+def test_hollow_glass_ball_in_a_furnace(inner, device):
+    scene = dl.Scene("hollow")
+    glass = dl.materials.dielectric(ior=1.5)
+    scene.add(dl.shapes.sphere((0, 0, 0), 1, material=glass), dl.shapes.sphere((0, 0, 0), -inner, material=glass))
+    scene.environment = dl.environments.constant(radiance=0.7)
+    scene.camera = dl.cameras.perspective(origin=(0, 0, 4), target=(0, 0, 0), vfov=35)
+    assert_constant(estimate(scene, device, spp=16, max_depth=1000), 0.7, rtol=1e-4)
+
+
+def test_hollow_glass_ball_is_air_inside(device):
+    """Straight through the middle: four boundaries and no bend; absorption only in the walls."""
+    glass = dl.materials.dielectric(ior=1.5, medium_absorption=0.8)
+    scene = dl.Scene("hollow")
+    scene.add(dl.shapes.sphere((0, 0, 0), 1, material=glass), dl.shapes.sphere((0, 0, 0), -0.6, material=glass))
+    scene.environment = dl.environments.gradient(bottom=1, top=0)
+    scene.camera = dl.cameras.perspective(origin=(0, 4, 0), target=(0, 0, 0), up=(0, 0, 1), vfov=0.01)
+    _, passed = stack(0, [(1.5, 0.8, 0.4), (1.0, 0, 1.2), (1.5, 0.8, 0.4)])
+    assert_known(estimate(scene, device, spp=2048, size=(6, 6)), passed, slack=1e-4)
+
+
+def test_camera_in_glass(device):
+    """In glass radiance is n^2 times what it is outside, whatever is reflected on the way."""
+    scene = dl.Scene("in glass")
+    scene.add(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.dielectric(ior=1.5)))
+    scene.environment = dl.environments.constant(radiance=0.4)
+    scene.camera = dl.cameras.perspective(origin=(0, 0, 0), target=(0, 0, -1), vfov=60)
+    assert_constant(estimate(scene, device, spp=16, max_depth=100), 0.4 * 2.25, rtol=1e-4)
