@@ -112,3 +112,7 @@ def floor(reflectance: float = 0.5, half: float = 10.0, y: float = 0.0) -> dl.no
     """A diffuse square whose normal is +y."""
     material = dl.materials.diffuse(reflectance=reflectance)
     return dl.shapes.quad((-half, y, half), (2 * half, 0, 0), (0, 0, -2 * half), material=material)
+
+
+def slab(bottom, top, material):
+    return dl.shapes.box((-30, bottom, -30), (30, top, 30), material=material)

@@ -216,7 +216,9 @@ __global__ void __launch_bounds__(kThreads, 1) render_kernel(const __grid_consta
     // all fit into the instruction cache (benches/LOG.md).
     __syncthreads();
     if (lane.state == LaneState::Start) lane.start_sample();
-    while (lane.traversing()) lane.step();
+    // The vote keeps the lanes together: left alone, they drift apart inside a step and run it several times over.
+    while (__any_sync(0xffffffffu, lane.traversing()))
+      if (lane.traversing()) lane.step();
     if (__syncthreads_and(lane.state == LaneState::Done)) break;
     if (lane.state == LaneState::Shade) lane.shade_hit();
   }

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import destello as dl
-from transport import assert_constant, assert_known, down_on, estimate, floor, pixel_points
+from transport import assert_constant, assert_known, down_on, estimate, floor, pixel_points, slab
 
 HALF, SIZE = 1.5, 8  # of the part of the floor that `down_on` shows, metres and pixels
 ALBEDO = 0.6

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import destello as dl
-from transport import assert_constant, assert_known, estimate
+from transport import assert_constant, assert_known, estimate, slab
 
 
 def fresnel(cos_i, eta):
@@ -38,10 +38,6 @@ def stack(angle, layers):
         left = exp(-absorption * thickness / cosine)
         through, back = through * left, back * left**2
     return front, through
-
-
-def slab(bottom, top, material):
-    return dl.shapes.box((-30, bottom, -30), (30, top, 30), material=material)
 
 
 def check_stack(shapes, layers, device, degrees=50.0, spp=1024, **options):
