@@ -18,7 +18,7 @@ namespace destello {
 namespace {
 
 constexpr int kThreads = 512;  // per block; one block fills a multiprocessor's registers
-constexpr uint32_t kItemSamples = 16;
+constexpr uint32_t kItemSamples = 32;
 constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
 
 // Rays and hits go by value, so that what the caller keeps of them stays in registers.
