@@ -80,13 +80,14 @@ class BruteForce {
 std::vector<Hit> run_method(const Scene& scene, const std::string& method, const std::vector<Ray>& rays, bool any) {
   const GeometryView& g = scene.view().geometry;
   std::vector<Hit> hits(rays.size());
-  if (method == "simd" || method == "baseline") {
-    DstTraceRays* trace = method == "simd" ? cpu_kernels().trace_rays : &dst_trace_rays_baseline;
-    trace(&g, rays.data(), hits.data(), rays.size(), any ? 1 : 0);
+  if (method == "simd" || method == "packet" || method == "baseline") {
+    DstTraceRays* trace = method != "baseline" ? cpu_kernels().trace_rays : &dst_trace_rays_baseline;
+    trace(&g, rays.data(), hits.data(), rays.size(), any ? 1 : method == "packet" ? 2 : 0);
     return hits;
   }
   const bool brute = method == "brute";
-  if (!brute && method != "groups") throw std::invalid_argument("method: expected simd, baseline, groups or brute");
+  if (!brute && method != "groups")
+    throw std::invalid_argument("method: expected simd, packet, baseline, groups or brute");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from destello import _core
 
-METHODS = ("simd", "baseline", "groups", "brute")
-TREES = METHODS[:3]
+METHODS = ("simd", "packet", "baseline", "groups", "brute")
+TREES = METHODS[:4]
 Floats = NDArray[np.float32]
 
 

@@ -1,7 +1,10 @@
 // Compiled twice: see cpu_kernel.h. Nothing here may instantiate a standard library template out of line.
 #include "backend/cpu_kernel.h"
 
-#include "accel/traverse_host.h"
+#include <new>
+
+#include "accel/traverse_packet.h"
+#include "backend/camera_numbers.h"
 #include "backend/render_task.h"
 #include "film/film.h"
 #include "integrate/path_tracer.h"
@@ -31,17 +34,45 @@ struct Batch {
   Path paths[kBatch];
   Hit hits[kBatch];
   SampleAovs aovs[kBatch];
-  uint64_t pixels[kBatch];
+  CameraNumbersBatch<kBatch> numbers;
+  uint32_t x[kBatch], y[kBatch];
   uint32_t size = 0;
 };
+
+// The nearest hits of n rays, kPacket after kPacket. ray(i), hit(i): where they are.
+template <class GetRay, class GetHit>
+void trace_packets(const GeometryView& geometry, uint64_t n, GetRay&& ray, GetHit&& hit) {
+  for (uint64_t first = 0; first < n; first += kPacket) {
+    const uint32_t count = static_cast<uint32_t>(n - first < kPacket ? n - first : kPacket);
+    const Ray* rays[kPacket];
+    Hit* hits[kPacket];
+    for (uint32_t i = 0; i < count; ++i) {
+      rays[i] = ray(first + i);
+      hits[i] = hit(first + i);
+    }
+    traverse_packet(geometry, rays, hits, count);
+  }
+}
 
 template <class Tracer>
 void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView& film, Batch* batch,
                   uint64_t* counts) {
   uint32_t alive[kBatch], n = batch->size;
-  for (uint32_t i = 0; i < n; ++i) alive[i] = i;
-  while (n != 0) {
-    for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
+  batch->numbers.compute(task.settings.seed);
+  for (uint32_t i = 0; i < n; ++i) {
+    alive[i] = i;
+    new (&batch->paths[i])
+        Path(generate(task.settings, task.camera_inside, batch->x[i], batch->y[i], batch->numbers[i]));
+    batch->aovs[i] = {};
+  }
+  for (bool first = true; n != 0; first = false) {
+    if (first) {
+      trace_packets(
+          scene.geometry, n, [&](uint64_t i) { return &batch->paths[i].ray; },
+          [&](uint64_t i) { return &batch->hits[i]; });
+    } else {
+      for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
+    }
     counts[0] += n;
     uint32_t left = 0;
     for (uint32_t k = 0; k < n; ++k) {
@@ -63,10 +94,11 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
     bool finite;
     const Vec3 radiance = sample_radiance(task.settings, batch->paths[i], &finite);
     if (!finite) ++counts[2];
-    double* sums = film.sums + batch->pixels[i] * kFilmChannels;
+    const uint64_t pixel = static_cast<uint64_t>(batch->y[i]) * film.width + batch->x[i];
+    double* sums = film.sums + pixel * kFilmChannels;
     add_sample(radiance, batch->paths[i].filter_sign, [&](uint32_t k, float v) { sums[k] += static_cast<double>(v); });
     if (!task.settings.aovs) continue;
-    double* features = film.aovs + batch->pixels[i] * kAovChannels;
+    double* features = film.aovs + pixel * kAovChannels;
     const SampleAovs& a = batch->aovs[i];
     add_aovs(a.albedo, a.normal, a.depth, [&](uint32_t k, float v) { features[k] += static_cast<double>(v); });
   }
@@ -82,9 +114,10 @@ void render_tile(const SceneView& scene, const RenderTask& task, const FilmView&
     for (uint32_t x = rect[0]; x < rect[2]; ++x) {
       for (uint32_t s = task.first_sample; s < task.last_sample; ++s) {
         const uint32_t i = batch.size++;
-        batch.paths[i] = generate(task.settings, task.camera_inside, x, y, s);
-        batch.aovs[i] = {};
-        batch.pixels[i] = static_cast<uint64_t>(y) * film.width + x;
+        batch.x[i] = x;
+        batch.y[i] = y;
+        batch.numbers.pixel[i] = y * task.settings.width + x;
+        batch.numbers.sample[i] = s;
         if (batch.size < kBatch) continue;
         if (cancel.load(std::memory_order_relaxed)) return;
         finish_batch<Tracer>(scene, task, film, &batch, counts);
@@ -111,18 +144,23 @@ extern "C" void DST_KERNEL(dst_render_tile)(const void* scene_pointer, const voi
   }
 }
 
-extern "C" void DST_KERNEL(dst_trace_rays)(const void* geometry, const void* rays, void* hits, uint64_t n, int any) {
+extern "C" void DST_KERNEL(dst_trace_rays)(const void* geometry, const void* rays_pointer, void* hits_pointer,
+                                           uint64_t n, int how) {
   using namespace destello;
   const GeometryView& g = *static_cast<const GeometryView*>(geometry);
+  const Ray* rays = static_cast<const Ray*>(rays_pointer);
+  Hit* hits = static_cast<Hit*>(hits_pointer);
+  if (how == 2) {
+    trace_packets(g, n, [&](uint64_t i) { return rays + i; }, [&](uint64_t i) { return hits + i; });
+    return;
+  }
   for (uint64_t i = 0; i < n; ++i) {
-    const Ray& ray = static_cast<const Ray*>(rays)[i];
-    Hit hit;
-    hit.t = ray.t_max;
-    if (any) {
-      traverse_host<true>(g, ray, &hit);
+    hits[i] = Hit{};
+    hits[i].t = rays[i].t_max;
+    if (how == 1) {
+      traverse_host<true>(g, rays[i], &hits[i]);
     } else {
-      traverse_host<false>(g, ray, &hit);
+      traverse_host<false>(g, rays[i], &hits[i]);
     }
-    static_cast<Hit*>(hits)[i] = hit;
   }
 }

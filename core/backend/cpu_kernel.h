@@ -12,8 +12,9 @@ extern "C" {
 // counts: rays, samples, non-finite samples, to be added to. Checks *cancel once a pixel and returns early.
 using DstRenderTile = void(const void* scene, const void* task, const void* film, const uint32_t* rect,
                            const std::atomic<bool>* cancel, uint64_t* counts);
-// Traces n rays (destello::Ray) into hits (destello::Hit); any != 0: any hit will do. geometry: GeometryView.
-using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int any);
+// Traces n rays (destello::Ray) into hits (destello::Hit). geometry: GeometryView. how: 0 nearest hits, 1 any hits, 2
+// nearest hits of rays that go in packets of eight.
+using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int how);
 
 DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2;
 DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2;

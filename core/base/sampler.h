@@ -41,7 +41,9 @@ DST_FN constexpr uint32_t sobol_y_reversed(uint32_t i) {
 }
 
 // The upper 24 bits as a float in [0, 1).
-DST_FN constexpr float to_unit_float(uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
+DST_FN constexpr float to_unit_float(uint32_t bits) {
+  return static_cast<float>(static_cast<int32_t>(bits >> 8)) * 0x1p-24f;
+}
 
 struct Sampler {
   uint32_t key = 0;             // hash of (seed, pixel)

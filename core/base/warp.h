@@ -9,19 +9,34 @@ struct SinCos {
   float sin, cos;
 };
 
-// Sine and cosine of 2 pi u for u in [0, 1]: minimax polynomials on an eighth of a turn, error below 1e-7, the same
-// bits on host and device.
-DST_FN DST_HOT SinCos sincos_turns(float u) {
-  const float q = floorf(u * 4.0f + 0.5f);         // quarter turns
-  const float x = (u - q * 0.25f) * (2.0f * kPi);  // [-pi/4, pi/4]
+// c ? a : b without a branch: for conditions that are anybody's guess, as those on random numbers are.
+DST_FN DST_HOT float select(bool c, float a, float b) {
+#if DST_ON_DEVICE || !defined(__SSE2__)
+  return c ? a : b;
+#else
+  using Floats = float __attribute__((vector_size(16)));
+  using Ints = int32_t __attribute__((vector_size(16)));
+  return (Ints{-static_cast<int32_t>(c)} != Ints{} ? Floats{a} : Floats{b})[0];
+#endif
+}
+
+// Sine and cosine of x radians, |x| <= pi/4: minimax polynomials, error below 1e-7, the same bits on host and device.
+DST_FN DST_HOT SinCos sincos_eighth(float x) {
   const float x2 = x * x;
   const float s = x + x * x2 * (-1.6666654611e-1f + x2 * (8.3321608736e-3f + x2 * -1.9515295891e-4f));
   const float c =
       1.0f + x2 * (-0.5f + x2 * (4.166664568298827e-2f + x2 * (-1.388731625493765e-3f + x2 * 2.443315711809948e-5f)));
+  return {s, c};
+}
+
+// Sine and cosine of 2 pi u for u in [0, 1].
+DST_FN DST_HOT SinCos sincos_turns(float u) {
+  const float q = floorf(u * 4.0f + 0.5f);  // quarter turns
+  const SinCos t = sincos_eighth((u - q * 0.25f) * (2.0f * kPi));
   const int k = static_cast<int>(q) & 3;
-  const float a = (k & 1) ? c : s;
-  const float b = (k & 1) ? s : c;
-  return {(k & 2) ? -a : a, (k == 1 || k == 2) ? -b : b};
+  const float a = select(k & 1, t.cos, t.sin);
+  const float b = select(k & 1, t.sin, t.cos);
+  return {a * static_cast<float>(1 - (k & 2)), b * static_cast<float>(1 - ((k + 1) & 2))};
 }
 
 // Uniform on the unit disk, area-preserving and continuous (Shirley and Chiu 1997). Density 1/pi.
@@ -29,10 +44,9 @@ DST_FN DST_HOT Vec2 square_to_disk(Vec2 u) {
   const float a = 2.0f * u.x - 1.0f, b = 2.0f * u.y - 1.0f;
   if (a == 0 && b == 0) return {0, 0};
   const bool wide = fabsf(a) > fabsf(b);
-  const float r = wide ? a : b;
-  const float eighth = 0.125f * (wide ? b / a : a / b);  // angle in turns, within an eighth
-  const SinCos t = sincos_turns(wide ? eighth + (eighth < 0 ? 1.0f : 0.0f) : 0.25f - eighth);
-  return {r * t.cos, r * t.sin};
+  const float r = select(wide, a, b);
+  const SinCos t = sincos_eighth(select(wide, b, a) / r * (0.25f * kPi));  // the angle from the nearer axis
+  return {r * select(wide, t.cos, t.sin), r * select(wide, t.sin, t.cos)};
 }
 
 // Cosine-weighted on the hemisphere about +z (Malley). Density cos(theta)/pi.

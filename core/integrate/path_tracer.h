@@ -13,14 +13,24 @@
 
 namespace destello {
 
+// The random numbers that start a path. A backend may pass another type with the same members that has them ready.
+struct CameraNumbers {
+  Sampler sampler;
+
+  DST_HD Vec2 filter() const { return sampler.get_2d(kDimFilter); }
+  DST_HD Vec2 lens() const { return sampler.get_2d(kDimLens); }
+  DST_HD float time() const { return sampler.get_1d(kDimTime); }
+};
+
+template <class Numbers>
 struct GenerateCamera {
   Vec2 film;
-  const Sampler& sampler;
+  const Numbers& numbers;
   template <class C>
   DST_HD CameraRay operator()(const C& camera) const {
     Vec2 lens{0.5f, 0.5f};
     if constexpr (requires { camera.aperture_radius; }) {
-      if (camera.aperture_radius > 0) lens = sampler.get_2d(kDimLens);
+      if (camera.aperture_radius > 0) lens = numbers.lens();
     }
     return camera.generate(film, lens);
   }
@@ -36,22 +46,26 @@ struct SampleFilter {
 // --- stage: generate --------------------------------------------------------------------------------------------------
 
 // Starts the path of one sample of pixel (x, y). Next: trace.
+template <class Numbers>
 DST_FN Path generate(const RenderSettings& settings, const InteriorStack& camera_inside, uint32_t x, uint32_t y,
-                     uint32_t sample) {
+                     const Numbers& numbers) {
   Path path;
-  path.sampler = Sampler(settings.seed, y * settings.width + x, sample);
-  const FilterSample f = settings.filter.visit(SampleFilter{path.sampler.get_2d(kDimFilter)});
+  path.sampler = numbers.sampler;
+  const FilterSample f = settings.filter.visit(SampleFilter{numbers.filter()});
   const Vec2 film{static_cast<float>(x) + 0.5f + f.offset.x, static_cast<float>(y) + 0.5f + f.offset.y};
-  const CameraRay r = settings.camera.visit(GenerateCamera{film, path.sampler});
+  const CameraRay r = settings.camera.visit(GenerateCamera<Numbers>{film, numbers});
   path.ray.origin = r.origin;
   path.ray.direction = r.direction;
   path.ray.time = settings.time0;
-  if (settings.time1 > settings.time0)
-    path.ray.time = lerp(settings.time0, settings.time1, path.sampler.get_1d(kDimTime));
+  if (settings.time1 > settings.time0) path.ray.time = lerp(settings.time0, settings.time1, numbers.time());
   path.filter_sign = f.sign;
   path.bsdf_pdf = kInfinity;
   path.inside = camera_inside;
   return path;
+}
+DST_FN Path generate(const RenderSettings& settings, const InteriorStack& camera_inside, uint32_t x, uint32_t y,
+                     uint32_t sample) {
+  return generate(settings, camera_inside, x, y, CameraNumbers{Sampler(settings.seed, y * settings.width + x, sample)});
 }
 
 // --- stage: trace -----------------------------------------------------------------------------------------------------
@@ -159,23 +173,23 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
         path->throughput * hit_emission(scene, settings.light_sampling,
                                         {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
                                         context, s.ng, index, s.light);
-  const bool last = path->depth >= settings.max_depth && !(m.flags & kIsInterface);
-  if (last && (aovs == nullptr || path->first_hit_done)) {
-    path->alive = false;
-    return;
-  }
-  ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
+  uint32_t outside = kNoIndex;  // the interior that the path comes from, or would go to
   if (m.flags & kIsBoundary) {
-    const uint32_t beyond = interior_beyond(scene, path->inside, m.interior, s.front);
-    if ((m.flags & kIsInterface) || is_hidden(scene, beyond, m.interior)) {
+    outside = interior_beyond(scene, path->inside, m.interior, s.front);
+    if ((m.flags & kIsInterface) || is_hidden(scene, outside, m.interior)) {
       cross_boundary(&path->inside, m.interior, s.front);
       pass_straight(path, s, hit.t);
       return;
     }
-    if (beyond != kNoIndex) point.context.outside_ior = scene.interiors[beyond].ior;
   } else if (!path->inside.empty()) {
-    point.context.outside_ior = scene.interiors[path->inside.current(scene.interiors)].ior;
+    outside = path->inside.current(scene.interiors);
   }
+  if (path->depth >= settings.max_depth && (aovs == nullptr || path->first_hit_done)) {
+    path->alive = false;
+    return;
+  }
+  ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
+  if (outside != kNoIndex) point.context.outside_ior = scene.interiors[outside].ior;
   scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs);
 }
 

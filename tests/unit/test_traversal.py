@@ -39,6 +39,26 @@ def test_ties_are_the_only_difference(rng):
         np.testing.assert_array_equal(trace(scene, **rays, method=method).leaf, brute.leaf)
 
 
+@pytest.mark.parametrize("octant", range(8))
+@pytest.mark.parametrize("moving", [False, True])
+def test_packets_find_the_same_hits(rng, octant, moving):
+    """Rays of one octant go through scenes of spheres eight at a time, and find the same bits as one by one."""
+    centers, radii = rng.uniform(-10, 10, (400, 3)), rng.uniform(0.1, 1, 400) * rng.choice([-1, 1], 400)
+    ends = centers + rng.normal(size=(400, 3)) * 0.3 if moving else None
+    g = Geometry().spheres(centers, radii, centers1=ends)
+    scene = g.spheres([(0, -1010, 0)], [1000]).build()
+    sign = np.array([1 if octant >> k & 1 else -1 for k in range(3)])
+    n = 1003  # the last packet is not full
+    middles = np.repeat(rng.uniform(0.05, 1, (n // 8 + 1, 3)), 8, axis=0)[:n]
+    directions = unit((middles + rng.uniform(-0.04, 0.04, (n, 3))) * sign)
+    origins = np.repeat(rng.uniform(-12, 12, (n // 8 + 1, 3)), 8, axis=0)[:n] + rng.normal(size=(n, 3)) * 0.01
+    rays = {"origins": origins, "directions": directions, "time": rng.uniform(0, 1, n), "t_max": rng.uniform(5, 40, n)}
+    one, packet = trace(scene, **rays), trace(scene, **rays, method="packet")
+    assert 0.1 < one.found.mean() < 1
+    np.testing.assert_array_equal(packet.t, one.t)
+    np.testing.assert_array_equal(packet.leaf, one.leaf)
+
+
 def test_twenty_thousand_triangles(rng):
     scene = Geometry().soup(small_triangles(rng, 20_000, 0.02)).build()
     assert scene.stats()["triangles"] == 20_000
