@@ -239,3 +239,19 @@ def test_points_and_beams_among_lamps(device):
     for i, mode in enumerate(("light", "auto")):
         other = estimate(scene, device, spp=512, size=(8, 8), sampling=mode, seed=2 + i, max_depth=5)
         assert_agree(both, other, comparisons=2)
+
+
+def test_hidden_boundaries_are_not_there(device):
+    """Glass inside nothing that goes before it: neither paths, up to their last segment, nor shadow rays meet it."""
+    empty = stage(ceiling(lamp()))
+    hidden = stage(ceiling(lamp()))
+    nothing = dl.materials.interface(priority=1)
+    hidden.add(dl.shapes.box((-3, 0.05, -3), (3, 2.2, 2), material=nothing))
+    hidden.add(dl.shapes.box((-2, 1.2, -2), (2, 1.5, 1), material=dl.materials.dielectric(priority=0)))
+    for i, mode in enumerate(("bsdf", "light")):
+        spp = 2048 if mode == "bsdf" else 512
+        pictures = [
+            estimate(scene, device, spp=spp, size=(8, 8), sampling=mode, seed=seed, max_depth=2)
+            for seed, scene in ((2 * i, empty), (2 * i + 1, hidden))
+        ]
+        assert_agree(*pictures, comparisons=2)
