@@ -48,3 +48,10 @@
 #else
 #define DST_UNROLL _Pragma("GCC unroll 8")
 #endif
+
+// True where the compiler for the host knows GCC's vector types and has SSE2 to run them on.
+#if !defined(__CUDACC__) && defined(__SSE2__)
+#define DST_HOST_SIMD 1
+#else
+#define DST_HOST_SIMD 0
+#endif

@@ -11,7 +11,7 @@ struct SinCos {
 
 // c ? a : b without a branch: for conditions that are anybody's guess, as those on random numbers are.
 DST_FN DST_HOT float select(bool c, float a, float b) {
-#if DST_ON_DEVICE || !defined(__SSE2__)
+#if !DST_HOST_SIMD
   return c ? a : b;
 #else
   using Floats = float __attribute__((vector_size(16)));
