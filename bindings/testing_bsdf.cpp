@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "bindings/testing_support.h"
 #include "bsdf/materials.h"
 #include "bsdf/spectrum.h"
 #include "medium/homogeneous.h"
@@ -20,24 +21,10 @@ namespace nb = nanobind;
 namespace destello {
 namespace {
 
-using Rows = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Numbers = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// A new NumPy array of zeros.
-template <class T>
-struct Output {
-  T* data;
-  size_t rows, columns;
-  nb::capsule owner;
-
-  explicit Output(size_t n, size_t m = 1)
-      : data(new T[n * m]()), rows(n), columns(m), owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); }) {}
-  void set(size_t i, Vec3 v) { data[3 * i] = v.x, data[3 * i + 1] = v.y, data[3 * i + 2] = v.z; }
-  nb::object array() const {
-    if (columns == 1) return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<1>>(data, {rows}, owner));
-    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<2>>(data, {rows, columns}, owner));
-  }
-};
+using testing::from_params;
+using testing::Numbers;
+using testing::Output;
+using testing::Rows;
 
 // The common length of arrays of 3 columns; 1 stands for any.
 size_t common_rows(std::initializer_list<Rows> arrays) {
@@ -56,36 +43,9 @@ Vec3 row(const Rows& a, size_t i) {
   return {a(k, 0), a(k, 1), a(k, 2)};
 }
 
-// Position of `word` among `choices`, which spaces separate.
-float choice_index(const std::string& word, const std::string& choices) {
-  float index = 0;
-  for (size_t from = 0; from < choices.size(); index += 1) {
-    const size_t to = std::min(choices.find(' ', from), choices.size());
-    if (choices.substr(from, to - from) == word) return index;
-    from = to + 1;
-  }
-  throw std::invalid_argument("no such choice: " + word);
-}
-
-template <class T>
-Vec3 read_param(const Param<T>& p, const nb::dict& values) {
-  if (!values.contains(p.name)) return p.fallback;
-  const nb::object given = nb::borrow(values[p.name]);
-  if (p.kind == ParamKind::Enum) return Vec3(choice_index(nb::cast<std::string>(given), p.choices));
-  float x = 0;
-  if (nb::try_cast(given, x)) return Vec3(x);
-  const auto t = nb::cast<nb::sequence>(given);
-  return {nb::cast<float>(t[0]), nb::cast<float>(t[1]), nb::cast<float>(t[2])};
-}
-
 template <class T>
 T make_bsdf(const nb::dict& values, const BsdfContext& context) {
-  T bsdf;
-  size_t used = 0;
-  [&]<size_t... I>(std::index_sequence<I...>) {
-    ((used += values.contains(T::params[I].name), set_param<T, I>(bsdf, read_param(T::params[I], values))), ...);
-  }(std::make_index_sequence<T::params.size()>{});
-  if (used != values.size()) throw std::invalid_argument(std::string("unknown parameter of ") + T::name);
+  T bsdf = from_params<T>(values);
   prepare(bsdf, context);
   return bsdf;
 }

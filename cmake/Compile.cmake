@@ -22,9 +22,8 @@ function(dst_compile_options target)
   endif()
   if(DST_SANITIZE)
     set(flags -fsanitize=${DST_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
-    # Function clones are chosen before the sanitizer's run time is up; asserts are on.
+    # Asserts are on.
     target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:${flags} -O1 -UNDEBUG>)
-    target_compile_definitions(${target} PUBLIC DST_NO_TARGET_CLONES=1)
     target_link_options(${target} PUBLIC ${flags})
   endif()
 endfunction()
