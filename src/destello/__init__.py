@@ -16,6 +16,7 @@ from destello._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from destello import cameras, environments, errors, filters, io, lights, materials, scenes, shapes, textures
+    from destello.animation import Animation, keyframes
     from destello.errors import (
         DeviceError,
         Error,
@@ -45,11 +46,13 @@ _WHERE = {
     "OutputError": "errors",
     "RenderError": "errors",
     "SceneError": "errors",
+    "Animation": "animation",
     "Group": "scene",
     "Image": "image",
     "Node": "nodes",
     "Scene": "scene",
     "Transform": "transform",
+    "keyframes": "animation",
     "load": "io",
     "look_at": "transform",
     "matrix": "transform",
@@ -72,9 +75,9 @@ _WHERE = {
 
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
-    "RenderError", "SceneError", "Group", "Image", "Node", "Scene", "Transform", "load", "look_at", "matrix",
-    "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors", "filters", "io",
-    "lights", "materials", "scenes", "shapes", "textures", "__version__",
+    "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "keyframes", "load",
+    "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
+    "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
 ]  # fmt: skip
 
 

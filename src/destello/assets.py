@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from destello.errors import Error, FormatError, MissingFileError
 from destello.files import ResolvedFiles
 from destello.formats import READERS, LoadOptions, load_file
+from destello.frames import at_time
 from destello.nodes import Node
 from destello.scene import Scene
 
@@ -82,6 +83,9 @@ class Assets:
         )  # shares the list of missing files
         inner.notes, inner._images = self.notes, self._images
         self.notes.extend(f"{real.name}: {note}" for note in scene.notes)
+        if scene.frames:
+            self.notes.append(f"{real.name}: as a mesh_file it is not animated, it is as at its time 0")
+            scene = at_time(scene, 0.0)
         return MeshFile(scene, inner)
 
     @staticmethod

@@ -64,7 +64,7 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None) ->
     from destello import _core
 
     scene.validate()
-    scene = scene.copy()
+    scene = scene.at_frame(0)
     assets = Assets(scene, allow_missing=allow_missing, base_dir=base_dir)
     ensure_camera(scene, assets.mesh_scene)
     ensure_light(scene, assets.mesh_scene)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from destello.frames import looked_at
 from destello.nodes import Node
 from destello.transform import Transform
 
@@ -62,10 +63,15 @@ def _box(shape: Node) -> Mapping[str, Array]:
 
 
 def scene_bounds(scene: Scene, load_file: MeshLoader | None = None) -> tuple[Points, Points] | None:
-    """Least and greatest corner (3,) of all shapes over the whole shutter, in metres; None without any.
+    """Least and greatest corner (3,) of all shapes in metres, as `Scene.bounds` says; None without any.
 
     `load_file(shape, place)` gives the scene in a mesh_file's file; without it such shapes are left out.
     """
+    return _merge(_still_bounds(still, load_file) for still in looked_at(scene))
+
+
+def _still_bounds(scene: Scene, load_file: MeshLoader | None) -> Box:
+    """Over the whole shutter, of a scene without animation."""
     boxes: dict[str, Box] = {}
     for name, group in scene.groups.items():
         members = enumerate(group.shapes)

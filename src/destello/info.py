@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.assets import Assets
+from destello.frames import animations
 from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.nodes import Node
@@ -26,8 +27,9 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     """Counts, bounds, names, missing files and an estimate of the memory needed, as plain data.
 
     Keys: name, size, spp, cameras, shapes (number of each type), triangles, spheres, instances, groups, lights,
-    environment, materials, textures (number of each type), images (width, height, channels, bytes of each file), bounds
-    ([low, high] in metres, or None), memory (bytes), missing (paths), notes.
+    environment, animation (frames until the last keyframe, fps, number of animated objects; None: nothing moves),
+    materials, textures (number of each type), images (width, height, channels, bytes of each file), bounds ([low, high]
+    in metres, or None), memory (bytes), missing (paths), notes.
 
     Raises:
         SceneError, FormatError: as `Scene.compile` would for values and files, except for missing ones.
@@ -50,6 +52,7 @@ def scene_info(scene: Scene) -> dict[str, Any]:
         "groups": {name: len(group.shapes) for name, group in scene.groups.items()},
         "lights": _types(scene.lights),
         "environment": scene.environment.type if scene.environment is not None else None,
+        "animation": _animation(scene),
         "materials": _types(node for node in nodes if node.kind == "material"),
         "textures": _types(node for node in nodes if node.kind == "texture"),
         "images": images,
@@ -58,6 +61,11 @@ def scene_info(scene: Scene) -> dict[str, Any]:
         "missing": list(assets.files.missing),
         "notes": [*scene.notes, *assets.notes],
     }
+
+
+def _animation(scene: Scene) -> dict[str, Any] | None:
+    animated = sum(1 for _ in animations(scene))
+    return {"frames": scene.frames, "fps": scene.render.fps, "animated": animated} if animated else None
 
 
 def _types(nodes: Iterable[Node]) -> dict[str, int]:

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from destello.animation import INTERPOLATIONS, KEYED
 from destello.python_types import FILM, RENDER
 from destello.schema import KINDS, ParamDoc, Schema, TypeDoc, schema
 
@@ -22,7 +23,7 @@ _NAMED = {"material": "materials", "texture": "textures"}  # kinds whose nodes m
 def json_schema(types: Schema | None = None) -> dict[str, Any]:
     """The JSON Schema of the native format, as plain data."""
     types = types or schema()
-    definitions: dict[str, Any] = {"transform": _transform()}
+    definitions: dict[str, Any] = {"transform": _transform(), "animation": _animation()}
     for kind in KINDS:
         definitions[kind] = _kind(kind, types)
         for doc in types.kinds[kind].values():
@@ -146,6 +147,7 @@ def _values(doc: ParamDoc) -> list[dict[str, Any]]:
         "path": [{"type": "string"}],
         "group": [{"type": "string"}],
         "transform": [_ref("transform")],
+        "animation": [_ref("animation")],
         "image": [_ref("texture")],
     }
     if doc.kind in ("array", "texels"):
@@ -165,10 +167,11 @@ def _array(doc: ParamDoc) -> dict[str, Any]:
     return {"type": "array", "items": row}
 
 
-def _transform() -> dict[str, Any]:
+def _words() -> dict[str, dict[str, Any]]:
+    """The words of a transform with what they take."""
     three = _tuple(NUMBER, 3)
     row = _tuple(NUMBER, 4)
-    words = {
+    return {
         "translate": three,
         "rotate": _object({"axis": {"anyOf": [three, {"enum": ["x", "y", "z"]}]}, "angle": NUMBER}, ["axis", "angle"]),
         "scale": {"anyOf": [three, NUMBER]},
@@ -176,6 +179,9 @@ def _transform() -> dict[str, Any]:
         "look_at": _object({"origin": three, "target": three, "up": three}, ["origin", "target"]),
         "matrix": {"type": "array", "items": row, "minItems": 3, "maxItems": 4},
     }
+
+
+def _word_list(words: dict[str, dict[str, Any]], text: str) -> dict[str, Any]:
     word = {
         "type": "object",
         "properties": words,
@@ -183,8 +189,30 @@ def _transform() -> dict[str, Any]:
         "minProperties": 1,
         "maxProperties": 1,
     }
-    text = "Words applied first to last; angles in degrees, counter-clockwise seen from the tip of the axis."
     return {"description": text, "anyOf": [{"type": "array", "items": word}, word]}
+
+
+def _transform() -> dict[str, Any]:
+    text = "Words applied first to last; angles in degrees, counter-clockwise seen from the tip of the axis."
+    return _word_list(_words(), text)
+
+
+def _animation() -> dict[str, Any]:
+    """A transform in which some words have keyframes."""
+    words = _words()
+    for name in KEYED:
+        value = words[name] if name != "rotate" else {"anyOf": [words[name], _tuple(NUMBER, 4)]}
+        tangents = {"type": "array", "items": _tuple(NUMBER, 4) if name == "rotate" else words[name]}
+        fields: dict[str, Any] = {
+            "times": {"type": "array", "items": NUMBER, "minItems": 1, "description": "In seconds."},
+            "values": {"type": "array", "items": value, "minItems": 1, "description": "One a time."},
+            "interpolation": {"enum": list(INTERPOLATIONS), "default": "linear"},
+            "in_tangents": {**tangents, "description": "For cubic: change a second into each keyframe."},
+            "out_tangents": {**tangents, "description": "For cubic: change a second out of each keyframe."},
+        }
+        words[name] = {"anyOf": [words[name], _object(fields, ["times", "values"])]}
+    text = "Transform words applied first to last; translate, rotate and scale may have keyframes."
+    return _word_list(words, text)
 
 
 def _object(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:

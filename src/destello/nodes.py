@@ -177,8 +177,21 @@ def _check_together(kind: str, type_name: str, params: Mapping[str, Any]) -> Non
             )
     if kind == "shape" and type_name == "sphere" and params["radius"] == 0:
         raise SceneError("the sphere has no size", place="radius", value=0.0, expected="a number other than 0")
+    if "animation" in params:
+        _check_animation(type_name, params)
     if "transform1" in params:
         _check_motion(params.get("transform"), params["transform1"])
+
+
+def _check_animation(type_name: str, params: Mapping[str, Any]) -> None:
+    for end in ("transform1", "center1"):
+        if end in params:
+            expected = f"one of them: an animation says itself where {type_name} is when the shutter closes"
+            raise SceneError(f"animation and {end}", place="animation", expected=expected)
+    words = [name for name, _ in params["animation"].words]
+    if type_name == "sphere" and set(words) != {"translate"}:
+        expected = "translate: what turns or grows is an animated instance of a group"
+        raise SceneError("a sphere can only be shifted", place="animation", value=words, expected=expected)
 
 
 def _check_motion(first: Transform | None, last: Transform) -> None:

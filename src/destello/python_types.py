@@ -25,7 +25,10 @@ _TRANSFORM1 = ParamDoc(
     "the transform when the shutter closes (time 1); the matrix moves linearly from `transform`",
     "transform",
 )
-_PLACED = (_MATERIAL, _TRANSFORM, _TRANSFORM1)
+_ANIMATION = ParamDoc("animation", "how it moves from frame to frame, after its own transform", "animation")
+_PLACED = (_MATERIAL, _TRANSFORM, _TRANSFORM1, _ANIMATION)
+_VIEW = ParamDoc("animation", "how origin, target and up move from frame to frame", "animation")
+_SHIFTS = ParamDoc("animation", "how it moves from frame to frame: nothing but `translate`", "animation")
 
 
 def _vector(name: str, doc: str, *, required: bool = True) -> ParamDoc:
@@ -40,6 +43,7 @@ _SHAPES = (
         _vector("center", "where its centre is"),
         ParamDoc("radius", "its radius; negative: the normals point inwards", "scalar", "m", required=True),
         _vector("center1", "the centre when the shutter closes (time 1); it moves in a straight line", required=False),
+        _SHIFTS,
         _MATERIAL,
     ),
     _type(
@@ -101,6 +105,7 @@ _SHAPES = (
         ParamDoc("group", "the group's name", "group", required=True),
         _TRANSFORM,
         _TRANSFORM1,
+        _ANIMATION,
     ),
 )
 
@@ -167,7 +172,11 @@ REPLACED = frozenset({"image", "scaled", "vertex_color"})
 # Parameters that Python adds in front of a core type's own.
 EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
 # Parameters that Python adds to every type of a kind.
-COMMON: Mapping[str, tuple[ParamDoc, ...]] = {"light": (_TRANSFORM,), "environment": (_TRANSFORM,)}
+COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
+    "light": (_TRANSFORM, _ANIMATION),
+    "environment": (_TRANSFORM,),
+    "camera": (_VIEW,),
+}
 
 FILM = _type(
     "film",
@@ -208,8 +217,16 @@ RENDER = _type(
         choices=("auto", "mis", "bsdf", "light"),
     ),
     ParamDoc(
+        "fps",
+        "frames a second of an animation: frame f lasts from f / fps to (f + 1) / fps",
+        "scalar",
+        default=24.0,
+        min=0.001,
+        max=1e6,
+    ),
+    ParamDoc(
         "shutter",
-        "when the shutter opens and closes, within 0 to 1",
+        "when in a frame the shutter opens and closes, within 0 to 1",
         "numbers",
         default=(0.0, 1.0),
         columns=(2,),

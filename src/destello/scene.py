@@ -134,8 +134,32 @@ class Scene:
         """Every texture, each object once."""
         return [node for node in self.nodes() if node.kind == "texture"]
 
+    @property
+    def frames(self) -> int:
+        """How many frames the animation has, until its last keyframe, at `render.fps`; 0 if nothing is animated."""
+        from destello.frames import frame_count
+
+        return frame_count(self)
+
+    def at_frame(self, frame: int) -> Scene:
+        """The scene as it is in one frame: a copy without animation, in which shapes move as they do in that frame.
+
+        Args:
+            frame: 0 or more; after the last keyframe nothing moves any more. Frame f lasts from f / fps to
+                (f + 1) / fps seconds; `render.shutter` says for which part of it the shutter is open.
+
+        Raises:
+            InputError: no such frame. SceneError: a camera that is scaled to 0, or a transform out of range.
+        """
+        from destello.frames import at_frame
+
+        return at_frame(self, frame)
+
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Least and greatest corner (3,) of all shapes in metres, over the whole shutter; None if there is nothing."""
+        """Least and greatest corner (3,) of all shapes in metres; None if there is nothing.
+
+        Over the whole shutter; of an animation, over up to 16 frames from the first to the last.
+        """
         from destello.assets import Assets
         from destello.geometry import scene_bounds
 

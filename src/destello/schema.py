@@ -37,7 +37,7 @@ class ParamDoc:
     Attributes:
         name, doc, unit: for people.
         kind: what values look like. From the core: scalar, color, vector, bool, enum. From Python: integer, numbers,
-            text, path, array, texels, transform, texture, image, material, filter, group.
+            text, path, array, texels, transform, animation, texture, image, material, filter, group.
         texturable: a texture may stand in place of the value.
         default: value if not given; None: nothing.
         required: must be given.
@@ -207,6 +207,7 @@ _FORMS = {
     "path": "the path of a file",
     "texels": "an array of shape (height, width, 1 to 4), uint8, uint16 or float32",
     "transform": "a transform",
+    "animation": "transform words, some with keyframes",
     "texture": "a texture",
     "image": "an image texture",
     "material": "a material",

@@ -83,6 +83,7 @@ class RenderSettings(Settings):
         rr_depth: int
         seed: int
         light_sampling: str
+        fps: float
         shutter: tuple[float, float]
         clamp: float
         exposure: float

@@ -30,6 +30,10 @@ _LEAST_DETERMINANT = 1e-36
 _LEAST_RATIO = 1e-7  # determinant over the product of the columns' lengths: how far from flat
 
 
+class NotInvertible(SceneError):
+    """A transform that makes things flat or shrinks them to nothing."""
+
+
 class Transform:
     """An invertible affine transform: a sequence of words, applied first to last. Immutable; compared word by word.
 
@@ -43,7 +47,7 @@ class Transform:
 
     def __init__(self, words: Iterable[Word] = ()) -> None:
         """`words`: pairs (name, value); an empty sequence is the identity. Raises SceneError if not invertible."""
-        checked = tuple(_check_word(name, value) for name, value in words)
+        checked = tuple(check_word(name, value) for name, value in words)
         object.__setattr__(self, "words", checked)
         object.__setattr__(self, "_matrix", _product(checked))
 
@@ -89,7 +93,7 @@ class Transform:
 
     def to_list(self) -> list[dict[str, Any]]:
         """The words as plain data: what scene files hold."""
-        return [{name: _plain(value)} for name, value in self.words]
+        return [{name: plain(value)} for name, value in self.words]
 
     @staticmethod
     def of(value: Any) -> Transform:
@@ -97,9 +101,9 @@ class Transform:
         if isinstance(value, Transform):
             return value
         if isinstance(value, Mapping):
-            return Transform(_words_of(value, None))
+            return Transform(words_of(value, None))
         if isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(w, Mapping) for w in value):
-            return Transform(word for i, w in enumerate(value) for word in _words_of(w, i))
+            return Transform(word for i, w in enumerate(value) for word in words_of(w, i))
         if hasattr(value, "shape") or (isinstance(value, Sequence) and not isinstance(value, str)):
             return matrix(value)
         raise SceneError("not a transform", value=value, expected=f"a list of words: {', '.join(_WORDS)}")
@@ -156,23 +160,32 @@ def matrix(rows: Any) -> Transform:
 # --- words: checks ----------------------------------------------------------------------------------------------------
 
 
-def _check_word(name: str, value: Any) -> Word:
+def check_word(name: str, value: Any) -> Word:
+    """The word with its value in the kept form: numbers as floats, triples as tuples. Raises SceneError."""
+    try:
+        return name, check_value(name, value)
+    except SceneError as error:
+        raise error.within(name if name in _WORDS else None) from None
+
+
+def check_value(name: str, value: Any) -> Any:
+    """The value of the word `name` in the kept form. Raises SceneError."""
     if name not in _WORDS:
         raise SceneError("unknown transform word", value=name, expected=did_you_mean(name, _WORDS))
-    try:
-        return name, _WORDS[name](value)
-    except SceneError as error:
-        raise error.within(name) from None
+    return _WORDS[name](value)
 
 
-def _words_of(word: Mapping[str, Any], index: int | None) -> Iterator[Word]:
+def words_of(
+    word: Mapping[str, Any], index: int | None, check: Callable[[str, Any], Word] = check_word
+) -> Iterator[Word]:
+    """The word in a mapping of one name, checked; `index`: of it in its list. Raises SceneError."""
     place = None if index is None else f"[{index}]"
     if len(word) != 1:
         known = ", ".join(_WORDS)
         raise SceneError("a transform word is one name with its value", place=place, value=dict(word), expected=known)
     for name, value in word.items():
         try:
-            yield _check_word(name, value)
+            yield check(name, value)
         except SceneError as error:
             raise error.within(place) from None
 
@@ -189,17 +202,18 @@ def _number(value: Any, place: str | None = None) -> float:
     return number
 
 
-def _numbers(value: Any, count: int, place: str | None = None) -> tuple[float, ...]:
+def numbers(value: Any, count: int, place: str | None = None) -> tuple[float, ...]:
+    """`count` finite numbers as floats. Raises SceneError."""
     if isinstance(value, (str, Mapping)) or not hasattr(value, "__len__") or len(value) != count:
         raise SceneError(f"not {count} numbers", place=place, value=value, expected=f"{count} numbers")
     return tuple(_number(component, place) for component in value)
 
 
 def _direction(value: Any, place: str) -> tuple[float, ...]:
-    numbers = _numbers(value, 3, place)
-    if not any(numbers):
-        raise SceneError("a direction of no length", place=place, value=numbers, expected="a vector other than 0")
-    return numbers
+    vector = numbers(value, 3, place)
+    if not any(vector):
+        raise SceneError("a direction of no length", place=place, value=vector, expected="a vector other than 0")
+    return vector
 
 
 def _fields(value: Any, needed: Sequence[str], optional: Sequence[str] = ()) -> Mapping[str, Any]:
@@ -215,7 +229,7 @@ def _fields(value: Any, needed: Sequence[str], optional: Sequence[str] = ()) -> 
 
 
 def _check_translate(value: Any) -> Any:
-    return _numbers(value, 3)
+    return numbers(value, 3)
 
 
 def _check_rotate(value: Any) -> Any:
@@ -229,7 +243,7 @@ def _check_rotate(value: Any) -> Any:
 
 
 def _check_scale(value: Any) -> Any:
-    return _numbers(value, 3) if hasattr(value, "__len__") and not isinstance(value, str) else _number(value)
+    return numbers(value, 3) if hasattr(value, "__len__") and not isinstance(value, str) else _number(value)
 
 
 def _check_shear(value: Any) -> Any:
@@ -240,7 +254,7 @@ def _check_shear(value: Any) -> Any:
 def _check_look_at(value: Any) -> Any:
     fields = _fields(value, ("origin", "target"), ("up",))
     up = _direction(fields.get("up", (0.0, 1.0, 0.0)), "up")
-    origin, target = _numbers(fields["origin"], 3, "origin"), _numbers(fields["target"], 3, "target")
+    origin, target = numbers(fields["origin"], 3, "origin"), numbers(fields["target"], 3, "target")
     forward = _direction(tuple(t - o for t, o in zip(target, origin, strict=True)), "target")
     side = _cross(_unit(up), _unit(forward))
     if math.hypot(*side) < 1e-6:
@@ -251,7 +265,7 @@ def _check_look_at(value: Any) -> Any:
 def _check_matrix(value: Any) -> Any:
     if isinstance(value, str) or not hasattr(value, "__len__") or len(value) not in (3, 4):
         raise SceneError("not a matrix", value=value, expected="4 rows of 4 numbers, or the first 3 of them")
-    rows = tuple(_numbers(row, 4, f"[{i}]") for i, row in enumerate(value))
+    rows = tuple(numbers(row, 4, f"[{i}]") for i, row in enumerate(value))
     if len(rows) == 4 and rows[3] != (0.0, 0.0, 0.0, 1.0):
         raise SceneError("not an affine matrix", place="[3]", value=rows[3], expected="last row 0, 0, 0, 1")
     return rows[:3]
@@ -282,10 +296,11 @@ class _Fields(dict[str, Any]):
         return hash(tuple(sorted(self.items())))
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A word's value as scene files hold it: tuples as lists."""
     if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, tuple) else value
+        return {key: plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, tuple) else value
 
 
 # --- words: matrices --------------------------------------------------------------------------------------------------
@@ -310,7 +325,7 @@ def _check_invertible(rows: Rows, words: Sequence[Word]) -> None:
     if not all(abs(number) <= _LARGEST for row in rows for number in row) or not math.isfinite(size):
         raise SceneError("the transform leaves the range of numbers", value=words[-1][0], expected="smaller factors")
     if not (abs(determinant) >= _LEAST_DETERMINANT and abs(determinant) >= _LEAST_RATIO * size):
-        raise SceneError(
+        raise NotInvertible(
             f"the transform cannot be inverted: its determinant is {determinant:g}",
             value=[name for name, _ in words],
             expected=f"a determinant of at least {max(_LEAST_DETERMINANT, _LEAST_RATIO * size):g} in size",

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
+from destello.animation import Animation
 from destello.errors import SceneError, did_you_mean
 from destello.schema import ParamDoc
 from destello.transform import Transform
@@ -132,6 +133,10 @@ def _transform(_: ParamDoc, value: Any) -> Transform:
     return Transform.of(value)
 
 
+def _animation(_: ParamDoc, value: Any) -> Animation:
+    return Animation.of(value)
+
+
 def _group(doc: ParamDoc, value: Any) -> str:
     return _text(doc, getattr(value, "name", value))
 
@@ -216,6 +221,7 @@ _CHECKS: dict[str, Callable[[ParamDoc, Any], Any]] = {
     "array": _array,
     "texels": _texels,
     "transform": _transform,
+    "animation": _animation,
     "group": _group,
     "texture": _only_nodes,
     "image": _image,

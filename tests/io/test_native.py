@@ -76,6 +76,25 @@ class AnyScene:
             made = made @ self.rng.choice(STEPS)
         return made
 
+    def keys(self, word: str) -> dict[str, Any]:
+        """Keyframes of any interpolation."""
+        count = self.rng.randint(1, 4)
+        times = sorted(self.rng.choice([0.0, -1e-9, 1 / 3, 5e-324, self.rng.uniform(-9, 99)]) for _ in range(count))
+        kind = self.rng.choice(["linear", "step", "cubic"])
+        triple = [[self.rng.gauss(0, 1) for _ in range(4 if word == "rotate" else 3)] for _ in range(3 * count)]
+        values: list[Any] = triple[:count]
+        if word != "translate" and kind != "cubic" and self.rng.random() < 0.5:
+            values = [0.0 if word == "scale" else {"axis": v[:3], "angle": 100 * v[0]} for v in values]
+        made = {"times": times, "values": values, "interpolation": kind}
+        cubic = {"in_tangents": triple[count : 2 * count], "out_tangents": triple[2 * count :]}
+        return {**made, **(cubic if kind == "cubic" else {})}
+
+    def animation(self, *words: str) -> Any:
+        made = dl.Animation.of({words[0]: self.keys(words[0])})
+        for word in self.rng.choices(words, k=self.rng.randint(0, 2)):
+            made = (made if word == "translate" else self.transform() @ made) @ dl.Animation.of({word: self.keys(word)})
+        return made
+
     def value(self, doc: ParamDoc, depth: int) -> Any:
         if doc.texturable and depth > 0 and self.rng.random() < 0.3:
             return self.node("texture", depth - 1)
@@ -90,6 +109,7 @@ class AnyScene:
             "array": lambda: self.array(doc),
             "texels": self.texels,
             "transform": self.transform,
+            "animation": lambda: self.animation("translate", "rotate", "scale"),
             "group": lambda: "group",
             "filter": lambda: self.node("filter", 0),
             "material": lambda: self.node("material", depth - 1),
@@ -118,6 +138,11 @@ class AnyScene:
             params["max"] = [v + max(1.0, abs(v)) for v in params["min"]]
         if doc.type == "sphere":
             params["radius"] = params["radius"] or -2.5
+        if "animation" in params:
+            params.pop("transform1", None)
+            params.pop("center1", None)
+            if doc.type == "sphere":
+                params["animation"] = self.animation("translate")
         if "transform1" in params:
             params["transform"] = params["transform1"]
 

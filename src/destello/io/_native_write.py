@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from destello.animation import Animation
 from destello.io._arrays_file import write_arrays
 from destello.io._native_read import VERSION
 from destello.nodes import Node
@@ -92,7 +93,7 @@ class _Writer:
     def _value(self, value: Any) -> Any:
         if isinstance(value, Node):
             return self._node(value)
-        if isinstance(value, Transform):
+        if isinstance(value, (Transform, Animation)):
             return value.to_list()
         if isinstance(value, tuple):
             return list(value)
