@@ -6,8 +6,9 @@ import contextlib
 import html
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
 from importlib import import_module
 from typing import Any, Protocol, TextIO
 
@@ -60,11 +61,52 @@ class Status:
         return ", ".join(words)
 
 
+@dataclass(frozen=True, slots=True)
+class FrameStatus(Status):
+    """Where a render of several frames is: `seconds` and `eta` are those of all of them.
+
+    Attributes:
+        frame: the number of the frame that is rendered.
+        before, frames: how many frames are done, and how many there are.
+        part: how much of this frame is done, in [0, 1].
+    """
+
+    frame: int = 0
+    before: int = 0
+    frames: int = 1
+    part: float = 0.0
+
+    @property
+    def fraction(self) -> float:
+        """How much of all frames is done, in [0, 1]."""
+        return min(1.0, (self.before + self.part) / self.frames)
+
+    def text(self) -> str:
+        """One line: the frame, its samples, the time left for all, rates."""
+        return f"frame {self.frame} ({self.before + 1} of {self.frames}), {Status.text(self)}"
+
+
 class Progress(Protocol):
     """What is told after every pass, and a last time, with `finished`, at the end. Any function of a Status is one."""
 
     def __call__(self, status: Status, /) -> None:
         """Called from the thread that called `render`."""
+
+
+def each_frame(shown: Progress, frames: Sequence[int]) -> Iterator[tuple[int, Progress]]:
+    """Every frame with the Progress to give to its render; all reports go to `shown`, as `FrameStatus`."""
+    began = time.monotonic()
+
+    def report(before: int, status: Status) -> None:
+        seconds, done = time.monotonic() - began, (before + status.fraction) / len(frames)
+        values: dict[str, Any] = {field.name: getattr(status, field.name) for field in fields(status)}
+        values["seconds"], values["eta"] = seconds, seconds / done - seconds if done > 0 else None
+        values["finished"] = status.finished and before + 1 == len(frames)
+        own = FrameStatus(**values, frame=frames[before], before=before, frames=len(frames), part=status.fraction)
+        shown(own)
+
+    for before, frame in enumerate(frames):
+        yield frame, partial(report, before)
 
 
 def duration(seconds: float) -> str:

@@ -13,6 +13,8 @@ from destello.errors import InputError
 if TYPE_CHECKING:
     from destello.nodes import Node
 
+LAST_FRAME = 2**31 - 1
+
 _OUT, _WHAT, _HOW, _LOOK, _IN = "Output", "What to render", "How to render", "Look of the picture", "Input"
 
 SceneName = Annotated[str, Argument(metavar="SCENE", help="A scene file, or a built-in scene (see destello scenes).")]
@@ -62,6 +64,10 @@ Size = Annotated[str | None, Option(metavar="WxH", help="Size in pixels.", rich_
 Crop = Annotated[
     str | None, Option(metavar="x0:x1,y0:y1", help="Only these pixels; row 0 is at the top.", rich_help_panel=_WHAT)
 ]
+Frames = Annotated[
+    str | None,
+    Option(metavar="A:B", help="Frames A up to, not including, B, or one: -o out_####.png.", rich_help_panel=_WHAT),
+]
 Camera = Annotated[str | None, Option(metavar="NAME", help="One of the scene's cameras.", rich_help_panel=_WHAT)]
 Resume = Annotated[
     bool,
@@ -106,6 +112,27 @@ def read_samples(text: str | None) -> tuple[int, int] | None:
     """`64:128` to (64, 128). Raises InputError."""
     found = _match(r"(\d+):(\d+)", text, "--samples", "two sample indices A:B, A < B")
     return None if found is None else (int(found[1]), int(found[2]))
+
+
+def read_frames(text: str | None) -> range | None:
+    """`0:48` to range(0, 48), `7` to range(7, 8). Raises InputError."""
+    expected = f"frames A:B, A < B, or one frame, up to {LAST_FRAME}"
+    found = _match(r"(\d+)(?::(\d+))?", text, "--frames", expected)
+    if found is None:
+        return None
+    first = int(found[1])
+    frames = range(first, first + 1 if found[2] is None else int(found[2]))
+    if not frames or frames[-1] > LAST_FRAME:
+        raise InputError("wrong range", place="--frames", value=text, expected=expected)
+    return frames
+
+
+def numbered(name: str, frame: int | None) -> str:
+    """The file name with a frame's number in place of a run of #: `a/out_####.png` to `a/out_0007.png`."""
+    if frame is None:
+        return name
+    start = name.rfind("/") + 1
+    return name[:start] + re.sub("#+", lambda run: str(frame).zfill(len(run[0])), name[start:])
 
 
 def read_crop(text: str | None) -> tuple[int, int, int, int] | None:

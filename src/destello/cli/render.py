@@ -6,8 +6,8 @@ import contextlib
 import json
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ def render(
     samples: o.Samples = None,
     size: o.Size = None,
     crop: o.Crop = None,
+    frames: o.Frames = None,
     camera: o.Camera = None,
     resume: o.Resume = False,
     device: o.Device = "auto",
@@ -62,8 +63,9 @@ def render(
         "aov": _layers(aov), "allow_missing": allow_missing, "allow_external": allow_external,
     }  # fmt: skip
     look = _Look(exposure, tone, curve)
-    written = _Written(look, output or _default_name(scene), file_format, bits, quality, p3)
-    job = _Command(scene, arguments, written, preview, resume, json_, json_file, quiet)
+    numbers = o.read_frames(frames)
+    written = _Written(look, output or _default_name(scene, numbers), file_format, bits, quality, p3)
+    job = _Command(scene, arguments, written, preview, numbers, resume, json_, json_file, quiet)
     job.check()
     with _terminate_like_interrupt():
         return job.run()
@@ -73,8 +75,9 @@ def _layers(aov: list[str] | None) -> tuple[str, ...]:
     return tuple(name for text in aov or () for name in text.split(",") if name)
 
 
-def _default_name(scene: str) -> str:
-    return f"{Path(scene).stem if Path(scene).suffix else Path(scene).name}.png"
+def _default_name(scene: str, frames: range | None) -> str:
+    stem = Path(scene).stem if Path(scene).suffix else Path(scene).name
+    return f"{stem}.png" if frames is None else f"{stem}_####.png"
 
 
 @contextlib.contextmanager
@@ -150,6 +153,7 @@ class _Command:
     arguments: dict[str, Any]
     written: _Written
     preview: str | None
+    frames: range | None
     resume: bool
     json: bool
     json_file: str | None
@@ -159,7 +163,9 @@ class _Command:
         """Everything that can be known to be wrong before the scene is read. Raises InputError or OutputError."""
         from destello.image_file import Target, check_writable
 
-        target = self.written.target()
+        first = None if self.frames is None else self.frames[0]
+        self._check_names()
+        target = self._output(first).target()
         target.check_writable()
         if self.written.stdout and self.json:
             raise InputError("the picture and --json both go to standard output", expected="--json-file FILE")
@@ -169,44 +175,111 @@ class _Command:
         if self.arguments["aov"] and target.format.name != "openexr":
             raise InputError(f"--aov needs layers, which {target.format.name} has not", expected="-o FILE.exr")
         if self.preview is not None:
-            Target.of(self.preview, display=self.written.display(None)).check_writable()
+            Target.of(o.numbered(self.preview, first), display=self.written.display(None)).check_writable()
         if self.json_file is not None:
             check_writable(self.json_file)
 
+    def _check_names(self) -> None:
+        """Several frames cannot have one name."""
+        if self.frames is None or len(self.frames) == 1:
+            return
+        if self.written.stdout:
+            raise InputError("several frames cannot go to standard output", place="-o", expected="-o out_####.png")
+        if "#" not in Path(self.written.name).name:
+            problem, expected = "the frames need a number in their names", "a run of #, such as out_####.png"
+            raise InputError(problem, place="-o", value=self.written.name, expected=expected)
+
+    def _output(self, frame: int | None) -> _Written:
+        return replace(self.written, name=o.numbered(self.written.name, frame))
+
     def run(self) -> int:
         """Renders and writes; returns the exit code."""
+        from destello import io
+
+        flags = {name: self.arguments[name] for name in ("allow_missing", "allow_external")}
+        scene = io.load(self.scene, **flags)
+        figures: list[dict[str, Any]] = []
+        try:
+            code = self._render_frames(scene, figures) if self.frames else self._render(scene, figures)
+        except BaseException:  # what is finished is reported, whatever stops the rest
+            if figures:
+                self._report(figures)
+            raise
+        if figures or self.frames:
+            self._report(figures)
+        return code
+
+    def say(self, line: str) -> None:
+        """Tells people something, on standard error."""
+        if not self.quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    def _render_frames(self, scene: Scene, figures: list[dict[str, Any]]) -> int:
+        """All frames, one after the other; with --resume, those that are not there yet."""
+        from destello.progress import each_frame, showing
+
+        assert self.frames is not None
+        if not scene.frames and len(self.frames) > 1:
+            self.say("note: nothing in the scene is animated: the frames are all the same")
+        said: set[str] = set()
+
+        def once(line: str) -> None:
+            if line not in said:
+                said.add(line)
+                self.say(line)
+
+        missing = [frame for frame in self.frames if not self._finished(frame)] if self.resume else self.frames
+        with showing(False if self.quiet else "auto") as shown:
+            for frame, progress in each_frame(shown, missing):
+                code = self._render(scene.at_frame(frame), figures, frame, progress=progress, messages=once)
+                if code != 0:
+                    return code
+        return 0
+
+    def _finished(self, frame: int) -> bool:
+        """Whether --resume has nothing to do for a frame: its picture is there, and no film to go on from."""
+        target = self._output(frame).target()
+        film = self._film(target)
+        if target.path is None or not target.path.exists() or film is None or film.exists():
+            return False
+        self.say(f"{target.path}: already there")
+        return True
+
+    def _render(self, scene: Scene, figures: list[dict[str, Any]], frame: int | None = None, **told: Any) -> int:
+        """One picture; appends its figures. `told`: progress and messages, if others than usual."""
         from importlib import import_module
 
-        from destello import io
         from destello.image_file import Target
 
         module = import_module("destello.render")
-        flags = {name: self.arguments[name] for name in ("allow_missing", "allow_external")}
-        scene = io.load(self.scene, **flags)
-        target = self.written.target(scene)
+        written = self._output(frame)
+        target = written.target(scene)
         film = self._film(target)
-        preview = self.preview and Target.of(self.preview, display=self.written.display(scene))
-        say: Callable[[str], None] = (lambda _: None) if self.quiet else _say
+        preview = self.preview and Target.of(o.numbered(self.preview, frame), display=written.display(scene))
+        told = {"progress": "auto", "messages": self.say, **told, **({"progress": False} if self.quiet else {})}
+        files = {"preview": preview, "resume": film if self.resume else None, "rescue": film}
         try:
-            image = module.render(
-                scene,
-                **self.arguments,
-                progress=False if self.quiet else "auto",
-                preview=preview,
-                resume=film if self.resume else None,
-                rescue=film,
-                messages=say,
-            )
+            image, code = module.render(scene, **self.arguments, **told, **files), 0
         except module.RenderInterrupted as error:
-            if error.image is None:
-                say("interrupted before the first sample of every pixel: nothing was written")
-                return INTERRUPTED
-            self._write(error.image, target, say)
-            kept = error.image.metadata["film"]
-            say("interrupted" + (f"; --resume goes on from {kept}" if kept else ""))
+            image, code = error.image, INTERRUPTED
+        if image is None:
+            self.say("interrupted before the first sample of every pixel: nothing was written")
             return INTERRUPTED
-        self._write(image, target, say)
-        return 0
+        done_with = film if frame is not None and code == 0 and self.resume else None  # a finished frame needs none
+        if frame is not None:
+            image.metadata["frame"] = frame
+        if done_with is not None:
+            image.metadata["film"] = None
+        self._write(image, target)
+        if done_with is not None:
+            done_with.unlink(missing_ok=True)
+        figures.append({"output": written.name, **image.metadata})
+        for line in _closing(figures[-1]):
+            self.say(line)
+        if code == INTERRUPTED:
+            kept = image.metadata["film"]
+            self.say("interrupted" + (f"; --resume goes on from {kept}" if kept else ""))
+        return code
 
     @staticmethod
     def _film(target: Target) -> Path | None:
@@ -214,22 +287,24 @@ class _Command:
         path = target.path
         return None if path is None or (path.exists() and not path.is_file()) else o.film_path(path)
 
-    def _write(self, image: Image, target: Target, say: Callable[[str], None]) -> None:
+    @staticmethod
+    def _write(image: Image, target: Target) -> None:
         if target.path is None:
             target.write_stream(sys.stdout.buffer, image.array, image.metadata, image.aovs)
             sys.stdout.buffer.flush()
         else:
             image.write(target)
-        figures = {"output": str(self.written.name), **image.metadata}
+
+    def _report(self, figures: list[dict[str, Any]]) -> None:
+        """The figures for programs: with --frames a list, else one object."""
+        text = json.dumps(figures if self.frames else figures[0], indent=2)
         if self.json:
-            print(json.dumps(figures, indent=2))
+            print(text)
         if self.json_file is not None:
             from destello.image_file import replacing
 
             with replacing(Path(self.json_file)) as aside:
-                aside.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-        for line in _closing(figures):
-            say(line)
+                aside.write_text(text + "\n", encoding="utf-8")
 
 
 def _closing(figures: dict[str, Any]) -> Iterator[str]:
@@ -247,7 +322,3 @@ def _closing(figures: dict[str, Any]) -> Iterator[str]:
     rates = f"{figures['samples_per_second'] / 1e6:.3g} Msamples/s, {figures['rays_per_second'] / 1e6:.3g} Mrays/s"
     picture = f"{figures['width']}x{figures['height']}, {figures['spp']} spp{error}"
     yield f"{name}: {picture} in {took} on {figures['device']}, {rates}"
-
-
-def _say(message: str) -> None:
-    print(message, file=sys.stderr, flush=True)
