@@ -5,44 +5,58 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import destello.cameras as cameras
 import destello.lights as lights
 import destello.shapes as shapes
-from destello.errors import Error
+from destello.animation import Animation
+from destello.errors import Error, SceneError
 from destello.io._arrays import check_finite
 from destello.io._gltf_accessors import Buffers
+from destello.io._gltf_animation import Motions
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_meshes import Meshes, Pose, node_weights
+from destello.io._gltf_transforms import (
+    IDENTITY,
+    Matrix,
+    Placement,
+    compose,
+    flattened,
+    given,
+    local,
+    still_words,
+    view,
+)
 from destello.nodes import Node
 from destello.scene import Scene
-from destello.transform import Transform, matrix
+from destello.transform import Word
 
 NODE_EXTENSIONS = frozenset({"KHR_lights_punctual", "KHR_node_visibility", "EXT_mesh_gpu_instancing"})
-_IDENTITY = np.eye(4)
 _LONG_SIDE = 1280
-
-Matrix = NDArray[np.float64]
+_DEEPEST_MOTION = 256  # nodes above each other in an animation
 
 
 @dataclass
 class _Placed:
-    """A mesh at a node, once for each matrix."""
+    """A mesh at a node, once for each placement."""
 
     node: Item
     mesh: Item
-    matrices: list[Matrix]
+    placements: list[Placement]
 
 
 class Placer:
     """Fills a scene with what the nodes of a document hold."""
 
-    def __init__(self, document: Document, scene: Scene, meshes: Meshes, buffers: Buffers) -> None:
+    def __init__(self, document: Document, scene: Scene, meshes: Meshes, buffers: Buffers, motions: Motions) -> None:
         self.document = document
         self.scene = scene
+        self._motions = motions
+        self._parents: dict[int, int] = {}
+        self._moving: set[int] = set()  # nodes that are animated, and all below them
         self._meshes = meshes
         self._buffers = buffers
         self._worlds: dict[int, Matrix] = {}
@@ -53,13 +67,13 @@ class Placer:
         for node, world in self._walk():
             mesh = self.document.refer(node, "mesh", "meshes")
             if mesh is not None:
-                placed.append(_Placed(node, mesh, self._instances(node, world)))
+                placed.append(_Placed(node, mesh, self._placements(node, world)))
             camera = self.document.refer(node, "camera", "cameras")
             if camera is not None:
-                self._add_camera(node, camera, world)
+                self._add_camera(node, camera, *self._stand(node, world))
             light = node.extension("KHR_lights_punctual")
             if light is not None:
-                self._add_light(node, light, world)
+                self._add_light(node, light, *self._stand(node, world))
         self._add_meshes(placed)
 
     # --- the hierarchy ------------------------------------------------------------------------------------------------
@@ -83,29 +97,67 @@ class Placer:
     def _walk(self) -> list[tuple[Item, Matrix]]:
         """All visible nodes below the roots with their world matrices."""
         nodes = self.document.table("nodes")
-        pending = [(nodes[i], _IDENTITY) for i in reversed(self._roots())]
+        pending = [(nodes[i], IDENTITY) for i in reversed(self._roots())]
         visible = []
         while pending:
             node, parent = pending.pop()
             if node.index in self._worlds:
                 raise node.error("the node has two parents or is its own ancestor", expected="a tree of nodes")
             with np.errstate(over="ignore", invalid="ignore"):
-                world = parent @ _local(node)
+                world = parent @ local(node)
             if not np.isfinite(world).all():
                 raise node.error("its transform leaves the range of numbers", expected="smaller factors")
             self._worlds[node.index] = world
-            if _hidden(node, world):
+            if node in self._motions or self._parents.get(node.index) in self._moving:
+                self._moving.add(node.index)
+            if _hidden(node) or (node.index not in self._moving and not world[:3, :3].any()):
                 continue
             visible.append((node, world))
             children = node.integers("children", high=len(nodes) - 1)
+            self._parents.update((child, node.index) for child in children if child not in self._worlds)
             pending.extend((nodes[child], world) for child in reversed(children))
         return visible
 
-    def _instances(self, node: Item, world: Matrix) -> list[Matrix]:
-        """The world matrices of a node's mesh: one, or those of EXT_mesh_gpu_instancing."""
+    def _placements(self, node: Item, world: Matrix) -> list[Placement]:
+        """Where a node's mesh stands: at one place, or at those of EXT_mesh_gpu_instancing."""
         extension = node.extension("EXT_mesh_gpu_instancing")
-        if extension is None:
-            return [world]
+        own = [IDENTITY] if extension is None else self._instances(node, extension)
+        if node.index in self._moving:
+            return [self._motion(node, matrix) for matrix in own]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return [world @ matrix for matrix in own]
+
+    def _motion(self, node: Item, own: Matrix = IDENTITY) -> Animation:
+        """How something at a node moves that has the matrix `own` there."""
+        try:
+            return Animation(self._words(node, own))
+        except SceneError as error:
+            raise error.within(node.place, file=node.file) from None
+
+    def _words(self, node: Item, own: Matrix) -> list[Word]:
+        """From the node up to the root; what stands still is merged."""
+        words: list[Word] = []
+        still, index = own, node.index
+        for _ in range(_DEEPEST_MOTION):
+            if index not in self._moving:
+                return [*words, *still_words(self._worlds[index] @ still)]
+            above = self.document.table("nodes")[index]
+            if above in self._motions:
+                words += [*still_words(still), *self._motions.words(above)]
+                still = IDENTITY
+            else:
+                still = local(above) @ still
+            if index not in self._parents:
+                return [*words, *still_words(still)]
+            index = self._parents[index]
+        raise node.error("too many animated nodes above it", expected=f"at most {_DEEPEST_MOTION}")
+
+    def _stand(self, node: Item, world: Matrix) -> tuple[Matrix, Animation | None]:
+        """Where a camera or a light stands: by a matrix, or at its node's origin with an animation."""
+        return (IDENTITY, self._motion(node)) if node.index in self._moving else (world, None)
+
+    def _instances(self, node: Item, extension: Item) -> list[Matrix]:
+        """The matrices of EXT_mesh_gpu_instancing in their node."""
         attributes = extension.item("attributes")
         if attributes is None:
             raise extension.error("missing", "attributes", expected="a JSON object")
@@ -126,52 +178,50 @@ class Placer:
             for key, default in (("TRANSLATION", (0.0,) * 3), ("ROTATION", (0.0, 0.0, 0.0, 1.0)), ("SCALE", (1.0,) * 3))
         )
         with np.errstate(over="ignore", invalid="ignore"):
-            return [world @ _compose(node, move[i], turn[i], size[i]) for i in range(n)]
+            return [compose(node, move[i], turn[i], size[i]) for i in range(n)]
 
     # --- meshes -------------------------------------------------------------------------------------------------------
 
     def _add_meshes(self, placed: list[_Placed]) -> None:
         uses = Counter[int]()
         for p in placed:
-            uses[p.mesh.index] += len(p.matrices)
+            uses[p.mesh.index] += len(p.placements)
         groups: dict[int, str] = {}
         for p in placed:
             pose = self._pose(p.node, p.mesh)
             label = p.node.text("name", "")
             if pose is not None or uses[p.mesh.index] == 1:
-                matrices = [_IDENTITY] if pose is not None and pose.joints is not None else p.matrices
-                for world in matrices:
-                    self._add_shapes(self._meshes.shapes(p.mesh, pose), world, label, p.node)
+                skinned = pose is not None and pose.joints is not None
+                for place in [IDENTITY] if skinned else p.placements:
+                    self._add_shapes(self._meshes.shapes(p.mesh, pose), place, label, p.node)
                 continue
             if not self._meshes.shapes(p.mesh):
                 continue
             if p.mesh.index not in groups:
                 groups[p.mesh.index] = self._group(p.mesh)
-            for world in p.matrices:
-                self._add_instance(p, groups[p.mesh.index], world, label)
+            for place in p.placements:
+                self._add_instance(p, groups[p.mesh.index], place, label)
 
     def _group(self, mesh: Item) -> str:
         name = _unused(mesh.text("name", "") or f"mesh {mesh.index}", self.scene.groups)
         self.scene.group(name, self._meshes.shapes(mesh))
         return name
 
-    def _add_instance(self, placed: _Placed, group: str, world: Matrix, label: str) -> None:
-        transform = _transform(world)
-        if transform is None:
-            self._add_shapes(self._meshes.shapes(placed.mesh), world, label, placed.node)
+    def _add_instance(self, placed: _Placed, group: str, place: Placement, label: str) -> None:
+        placed_by = given(place)
+        if placed_by is None:
+            self._add_shapes(self._meshes.shapes(placed.mesh), place, label, placed.node)
         else:
-            self.scene.add(shapes.instance(group=group, transform=transform, name=label or None))
+            self.scene.add(shapes.instance(group=group, name=label or None, **placed_by))
 
-    def _add_shapes(self, made: list[Node], world: Matrix, label: str, node: Item) -> None:
-        transform = _transform(world)
+    def _add_shapes(self, made: list[Node], place: Placement, label: str, node: Item) -> None:
+        placed_by = given(place)
         for shape in made:
             name = f"{label}: {shape.name}" if label and label != shape.name else shape.name
-            if transform is None:
-                self.scene.add(_flattened(shape, world, node).replace(name=name))
-            elif transform.words:
-                self.scene.add(shape.replace(transform=transform, name=name))
+            if placed_by is None and not isinstance(place, Animation):
+                self.scene.add(flattened(shape, place, node).replace(name=name))
             else:
-                self.scene.add(shape.replace(name=name))
+                self.scene.add(shape.replace(name=name, **(placed_by or {})))
 
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is found in the posed vertices
     def _pose(self, node: Item, mesh: Item) -> Pose | None:
@@ -183,7 +233,7 @@ class Placer:
         joints = skin.integers("joints", high=len(nodes) - 1)
         if not joints:
             raise skin.error("missing", "joints", expected="at least one")
-        inverse = np.tile(_IDENTITY, (len(joints), 1, 1))
+        inverse = np.tile(IDENTITY, (len(joints), 1, 1))
         accessor = self.document.refer(skin, "inverseBindMatrices", "accessors")
         if accessor is not None:
             flat = self._buffers.floats(accessor, ("MAT4",))
@@ -198,25 +248,28 @@ class Placer:
                 raise skin.error(
                     "the joint is not in the scene", f"joints[{i}]", value=joint, expected="a node of the scene"
                 )
+        note = "skins are not animated: skinned meshes keep the pose in the file"
+        if self._motions and not self._moving.isdisjoint(joints) and note not in self.scene.notes:
+            self.scene.notes.append(note)
         worlds = np.stack([self._worlds[joint] for joint in joints])
         return Pose(node_weights(node, mesh), worlds @ inverse)
 
     # --- cameras and lights -------------------------------------------------------------------------------------------
 
-    def _add_camera(self, node: Item, camera: Item, world: Matrix) -> None:
+    def _add_camera(self, node: Item, camera: Item, world: Matrix, motion: Animation | None) -> None:
         kind = camera.choice("type", ("perspective", "orthographic"))
         values = camera.item(kind)
         if values is None:
             raise camera.error("missing", kind, expected="a JSON object")
         try:
-            view = _view(node, world)
+            seen: dict[str, Any] = {**view(node, world), "animation": motion}
             if kind == "perspective":
                 vfov = math.degrees(values.number("yfov", low=0, high=math.pi))
-                made = cameras.perspective(vfov=vfov, **view)
+                made = cameras.perspective(vfov=vfov, **seen)
                 aspect = values.number("aspectRatio", 0.0, low=0)
             else:
                 height = 2 * abs(values.number("ymag"))
-                made = cameras.orthographic(height=height, **view)
+                made = cameras.orthographic(height=height, **seen)
                 aspect = 2 * abs(values.number("xmag")) / height
         except Error as error:
             raise error if error.file else error.within(values.place, file=node.file) from None
@@ -232,7 +285,7 @@ class Placer:
         film.width = min(max(round(_LONG_SIDE * min(aspect, 1.0)), 1), _LONG_SIDE)
         film.height = min(max(round(_LONG_SIDE / max(aspect, 1.0)), 1), _LONG_SIDE)
 
-    def _add_light(self, node: Item, reference: Item, world: Matrix) -> None:
+    def _add_light(self, node: Item, reference: Item, world: Matrix, motion: Animation | None) -> None:
         table = self.document.extension_table("KHR_lights_punctual", "lights")
         index = reference.integer("light")
         if index >= len(table):
@@ -248,17 +301,17 @@ class Placer:
             if kind == "point":
                 made = lights.point(position=world[:3, 3], intensity=color, name=name)
             else:
-                view = _view(node, world)
+                seen = view(node, world)
                 if kind == "spot":
                     made = lights.spot(
-                        position=view["origin"], target=view["target"], intensity=color, name=name, **_cone(light)
+                        position=seen["origin"], target=seen["target"], intensity=color, name=name, **_cone(light)
                     )
                 else:
-                    direction = np.subtract(view["target"], view["origin"])
+                    direction = np.subtract(seen["target"], seen["origin"])
                     made = lights.directional(direction=direction, irradiance=color, name=name)
         except Error as error:
             raise error if error.file else error.within(light.place, file=node.file) from None
-        self.scene.add(made)
+        self.scene.add(made.replace(animation=motion))
         note = "lights: 1 cd is taken for 1 W/sr, 1 lx for 1 W/m^2"
         if note not in self.scene.notes:
             self.scene.notes.append(note)
@@ -272,71 +325,10 @@ def _cone(light: Item) -> dict[str, float]:
     return {"cone_angle": outer_degrees, "edge": 1.0 - inner / outer if outer > 0 else 0.0}
 
 
-def _view(node: Item, world: Matrix) -> dict[str, Matrix]:
-    """Origin, target and up of something at a node that looks along its -z axis with its y axis up."""
-    forward, up = -world[:3, 2], world[:3, 1]
-    length = float(np.linalg.norm(forward))
-    if not length > 0 or not np.linalg.norm(np.cross(forward / length, up)) > 1e-12 * np.linalg.norm(up):
-        raise node.error("its transform is flat, so that nothing can look along it", expected="scales other than 0")
-    return {"origin": world[:3, 3], "target": world[:3, 3] + forward / length, "up": up / np.linalg.norm(up)}
-
-
-def _local(node: Item) -> Matrix:
-    """A node's own matrix."""
-    if "matrix" in node:
-        rows = np.array(node.numbers("matrix", 16)).reshape(4, 4).T
-        if np.abs(rows[3] - _IDENTITY[3]).max() > 1e-5:
-            raise node.error("not an affine matrix", "matrix", value=rows[3].tolist(), expected="last row 0, 0, 0, 1")
-        rows[3] = _IDENTITY[3]
-        return rows
-    move = node.numbers("translation", 3, (0.0, 0.0, 0.0))
-    turn = node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0))
-    size = node.numbers("scale", 3, (1.0, 1.0, 1.0))
-    return _compose(node, np.array(move), np.array(turn), np.array(size))
-
-
-def _compose(node: Item, move: Matrix, turn: Matrix, size: Matrix) -> Matrix:
-    """Scale, then rotate by a quaternion (x, y, z, w), then translate."""
-    length = float(np.linalg.norm(turn))
-    if not length > 1e-12:
-        raise node.error("a rotation without direction", "rotation", value=turn.tolist(), expected="a unit quaternion")
-    x, y, z, w = turn / length
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    result = np.eye(4)
-    result[:3, :3] = rotation * size
-    result[:3, 3] = move
-    return result
-
-
-def _hidden(node: Item, world: Matrix) -> bool:
-    """Whether the node and all below it are not shown: by KHR_node_visibility, or by a scale of 0 along all axes."""
+def _hidden(node: Item) -> bool:
+    """Whether KHR_node_visibility hides the node and all below it."""
     visibility = node.extension("KHR_node_visibility")
-    if visibility is not None and "visible" in visibility and not visibility.flag("visible"):
-        return True
-    return not world[:3, :3].any()
-
-
-def _transform(world: Matrix) -> Transform | None:
-    """The transform, or None if it is flat: it cannot be inverted."""
-    if np.array_equal(world, _IDENTITY):
-        return Transform()
-    try:
-        return matrix(world[:3])
-    except Error:
-        return None
-
-
-def _flattened(shape: Node, world: Matrix, node: Item) -> Node:
-    """A mesh with a flat transform applied to its vertices; its normals go."""
-    points = shape["positions"].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
-    check_finite(points, "vertex", file=node.file, place=node.place)
-    return shape.replace(positions=points.astype(np.float32), normals=None)
+    return visibility is not None and "visible" in visibility and not visibility.flag("visible")
 
 
 def _unused(name: str, taken: object) -> str:

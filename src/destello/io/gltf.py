@@ -3,8 +3,8 @@
 What becomes of it: the default scene's nodes with their world transforms; a mesh that several nodes use becomes a group
 with instances; materials, see `_gltf_materials`; cameras; KHR_lights_punctual. Units are metres, y is up, as here.
 Photometric units are taken for radiometric ones, as renderers commonly do: 1 cd is 1 W/sr, 1 lx is 1 W/m^2, 1 cd/m^2 is
-1 W/(sr m^2), so that lights and glowing surfaces keep their proportions. Animations are not played: the pose of the
-file's nodes, joints and morph weights is rendered.
+1 W/(sr m^2), so that lights and glowing surfaces keep their proportions. The first animation moves nodes; joints and
+morph weights keep their pose in the file.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from destello.errors import MissingFileError
 from destello.io import _gltf_container
 from destello.io._defaults import LoadOptions, ResolvedFiles, ensure_camera, ensure_light
 from destello.io._gltf_accessors import Buffers
+from destello.io._gltf_animation import Motions
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_materials import EXTENSIONS, Materials
 from destello.io._gltf_meshes import Meshes
@@ -49,9 +50,10 @@ def load(path: Path, options: LoadOptions) -> Scene:
     found = _find_buffers(document, files)
     buffers = Buffers(document, binary, lambda item, uri: _read_buffer(found[uri], item))
     materials = Materials(document, Textures(document, buffers, scene.notes), scene.notes)
-    Placer(document, scene, Meshes(document, buffers, materials, scene.notes), buffers).place()
-    if document.table("animations"):
-        scene.notes.append("animations are not played: the pose in the file is rendered")
+    motions = Motions(document, buffers)
+    Placer(document, scene, Meshes(document, buffers, materials, scene.notes), buffers, motions).place()
+    if motions.note:
+        scene.notes.append(motions.note)
     if options.complete:
         _check_images(scene, files)
         ensure_camera(scene)
