@@ -71,7 +71,8 @@ def render(
     samples were rendered at once, in parts that were added, or after interruptions.
 
     Args:
-        scene: a Scene, a scene file's path, or a built-in scene's name.
+        scene: a Scene, a scene file's path, or a built-in scene's name. If it is animated, frame 0 is rendered;
+            `Scene.at_frame` makes a scene of any other.
         spp: samples a pixel; None: as many as the scene says, or, with `time` or `target_error`, no limit.
         size: (width, height) in pixels; None: the scene's.
         device: `auto` (CUDA where there is one, else the CPU), `cpu`, `cuda`, `cuda:1`...

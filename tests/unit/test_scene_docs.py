@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import destello as dl
+from destello.animation import _FIELDS, INTERPOLATIONS
 from destello.io import _yaml
 from destello.io._native_read import SECTIONS
 from destello.json_schema import json_schema
@@ -60,3 +61,8 @@ def test_the_error_shown_is_the_one_given(tmp_path: Path) -> None:
     with pytest.raises(dl.SceneError) as caught:
         dl.load(path)
     assert str(caught.value).replace(f"{tmp_path}/", "") == shown
+
+
+def test_all_names_of_keyframes_are_there() -> None:
+    for name in (*_FIELDS, *INTERPOLATIONS, "fps", "animation"):
+        assert f"`{name}`" in PAGE
