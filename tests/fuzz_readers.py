@@ -106,7 +106,17 @@ def rich_gltf(folder: Path) -> Gltf:
     moves = g.accessor(np.eye(3, dtype=np.float32))
     g.node(mesh=ball, extensions={"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": moves}}})
     g.node(camera=g.add("cameras", type="perspective", perspective={"yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1}))
-    g.node(translation=[0, 3, 0], extensions={"KHR_lights_punctual": {"light": 0}})
+    light = g.node(translation=[0, 3, 0], extensions={"KHR_lights_punctual": {"light": 0}})
+    times = g.accessor(np.float32([0, 0.02, 0.5]))
+    outputs = {"rotation": np.eye(4)[:3], "scale": np.eye(3) + 1, "translation": np.arange(27).reshape(9, 3)}
+    kinds = ("LINEAR", "STEP", "CUBICSPLINE")
+    samplers = [
+        {"input": times, "output": g.accessor(values.astype(np.float32)), "interpolation": kind}
+        for kind, values in zip(kinds, outputs.values(), strict=True)
+    ]
+    targets = [{"node": node, "path": path} for node, path in zip((child, child, light), outputs, strict=True)]
+    channels = [{"sampler": i, "target": target} for i, target in enumerate(targets)]
+    g.add("animations", channels=channels, samplers=samplers, name="all")
     return g
 
 

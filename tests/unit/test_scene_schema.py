@@ -70,6 +70,8 @@ def sphere(**params: Any) -> dict[str, Any]:
     return {"shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 1, **params}]}
 
 
+ONE_KEY = {"times": [0], "values": [[0, 0, 1]]}
+ONE_TURN = {"times": [0, 1], "values": [{"axis": "y", "angle": 90}, [0, 0, 0, 1]]}
 DOCUMENTS: list[tuple[dict[str, Any], bool]] = [
     ({}, True),
     (sphere(), True),
@@ -103,6 +105,16 @@ DOCUMENTS: list[tuple[dict[str, Any], bool]] = [
     ({"shapes": [{"type": "box", "min": [0, 0, 0], "max": [1, 1, 1], "transform": [{"scal": 2}]}]}, False),
     ({"shapes": [{"type": "box", "min": [0, 0, 0], "max": [1, 1, 1], "transform": {"rotate": {"axis": "x"}}}]}, False),
     ({"destello": 2}, False),
+    (sphere(animation={"translate": {"times": [0, 1], "values": [[0, 0, 0], [1, 0, 0]]}}), True),
+    (sphere(animation=[{"translate": {**ONE_KEY, "interpolation": "step"}}]), True),
+    ({"render": {"fps": 25}, "camera": {"type": "panorama", "animation": {"rotate": ONE_TURN}}}, True),
+    ({"lights": [{"type": "point", "animation": [{"scale": {"times": [0], "values": [2]}}, {"scale": 2}]}]}, True),
+    ({"lights": [{"type": "point", "animation": {"rotate": {**ONE_KEY, "tims": [0]}}}]}, False),
+    ({"lights": [{"type": "point", "animation": {"rotate": ONE_KEY}}]}, False),
+    ({"lights": [{"type": "point", "animation": {"shear": ONE_KEY}}]}, False),
+    (sphere(animation={"translate": {**ONE_KEY, "interpolation": "bezier"}}), False),
+    (sphere(animation={"translate": {"times": [], "values": []}}), False),
+    ({"render": {"fps": 0}}, False),
 ]
 
 
