@@ -15,6 +15,7 @@ from destello.io._gltf_json import Document, Item
 from destello.transform import Word
 
 _INTERPOLATIONS = {"LINEAR": "linear", "STEP": "step", "CUBICSPLINE": "cubic"}
+_STILL = {"scale": (1.0, 1.0, 1.0), "rotation": (0.0, 0.0, 0.0, 1.0), "translation": (0.0, 0.0, 0.0)}
 _WORDS = {"translation": ("translate", "VEC3"), "rotation": ("rotate", "VEC4"), "scale": ("scale", "VEC3")}
 
 
@@ -46,12 +47,16 @@ class Motions:
         if "matrix" in node:
             expected = "translation, rotation and scale in an animated node"
             raise node.error("a matrix cannot be animated", "matrix", expected=expected)
-        channels = self._channels[node.index]
-        size = channels.get("scale") or node.numbers("scale", 3, (1.0, 1.0, 1.0))
-        turn = channels.get("rotation") or node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0))
-        move = channels.get("translation") or node.numbers("translation", 3, (0.0, 0.0, 0.0))
-        rotation: Word = ("rotate", turn) if isinstance(turn, Keys) else ("matrix", quaternion_rows(node, turn))
-        return [("scale", size), rotation, ("translate", move)]
+        words: list[Word] = []
+        for path, still in _STILL.items():
+            keys = self._channels[node.index].get(path)
+            value = node.numbers(path, len(still), still)
+            if keys is not None:
+                words.append((keys.word, keys))
+            elif value != still:
+                turns = path == "rotation"
+                words.append(("matrix", quaternion_rows(node, value)) if turns else (_WORDS[path][0], value))
+        return words
 
     # --- reading ------------------------------------------------------------------------------------------------------
 
