@@ -29,6 +29,20 @@ struct HostNodeTest {
   uint32_t hits(const Node8& node, float t_max, float* near) const;
 };
 
+// The ray as the test of a sphere block wants it.
+struct HostBlockTest {
+  Vec3 origin, direction;
+  float time;
+  float a, inverse;  // the direction's squared length, and 1 over it
+
+  static HostBlockTest make(Vec3 origin, Vec3 direction, float time) {
+    const float a = length_squared(direction);
+    return {origin, direction, time, a, 1.0f / a};
+  }
+  // The nearest hit with a sphere of the block before *t: moves *t there and returns its lane, else -1.
+  int hit(const SphereBlock& block, float* t) const;
+};
+
 #if defined(__AVX2__)
 
 // safe_reciprocal of three lanes at once.
@@ -84,29 +98,25 @@ inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near_o
   return boxes(node, t_max, near_out) & ~empty;
 }
 
-// The nearest hit with a sphere of the block before *t: moves *t there and returns its lane, else -1. Operation by
-// operation what intersect_sphere does.
-inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
-  const __m256 dx = _mm256_set1_ps(ray.direction.x), dy = _mm256_set1_ps(ray.direction.y),
-               dz = _mm256_set1_ps(ray.direction.z);
+// Operation by operation what intersect_sphere does.
+inline __attribute__((always_inline)) int HostBlockTest::hit(const SphereBlock& block, float* t_hit) const {
+  const __m256 dx = _mm256_set1_ps(direction.x), dy = _mm256_set1_ps(direction.y), dz = _mm256_set1_ps(direction.z);
   __m256 cx = _mm256_load_ps(block.x), cy = _mm256_load_ps(block.y), cz = _mm256_load_ps(block.z);
   if (block.moving != 0) {
-    const __m256 time = _mm256_set1_ps(ray.time);
-    cx = _mm256_add_ps(cx, _mm256_mul_ps(_mm256_load_ps(block.dx), time));
-    cy = _mm256_add_ps(cy, _mm256_mul_ps(_mm256_load_ps(block.dy), time));
-    cz = _mm256_add_ps(cz, _mm256_mul_ps(_mm256_load_ps(block.dz), time));
+    const __m256 at = _mm256_set1_ps(time);
+    cx = _mm256_add_ps(cx, _mm256_mul_ps(_mm256_load_ps(block.dx), at));
+    cy = _mm256_add_ps(cy, _mm256_mul_ps(_mm256_load_ps(block.dy), at));
+    cz = _mm256_add_ps(cz, _mm256_mul_ps(_mm256_load_ps(block.dz), at));
   }
   const auto dot8 = [](__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
     return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(ax, bx), _mm256_mul_ps(ay, by)), _mm256_mul_ps(az, bz));
   };
-  const __m256 fx = _mm256_sub_ps(_mm256_set1_ps(ray.origin.x), cx);
-  const __m256 fy = _mm256_sub_ps(_mm256_set1_ps(ray.origin.y), cy);
-  const __m256 fz = _mm256_sub_ps(_mm256_set1_ps(ray.origin.z), cz);
+  const __m256 fx = _mm256_sub_ps(_mm256_set1_ps(origin.x), cx);
+  const __m256 fy = _mm256_sub_ps(_mm256_set1_ps(origin.y), cy);
+  const __m256 fz = _mm256_sub_ps(_mm256_set1_ps(origin.z), cz);
   const __m256 sign = _mm256_set1_ps(-0.0f), zero = _mm256_setzero_ps();
-  const float a1 = length_squared(ray.direction);
-  const __m256 a = _mm256_set1_ps(a1), inverse = _mm256_set1_ps(1.0f / a1);
   const __m256 b = _mm256_xor_ps(dot8(fx, fy, fz, dx, dy, dz), sign);
-  const __m256 s = _mm256_mul_ps(b, inverse);
+  const __m256 inverse8 = _mm256_set1_ps(inverse), s = _mm256_mul_ps(b, inverse8);
   const __m256 gx = _mm256_add_ps(fx, _mm256_mul_ps(dx, s)), gy = _mm256_add_ps(fy, _mm256_mul_ps(dy, s)),
                gz = _mm256_add_ps(fz, _mm256_mul_ps(dz, s));
   const __m256 r = _mm256_load_ps(block.radius), r2 = _mm256_mul_ps(r, r);
@@ -116,24 +126,20 @@ inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float*
   // From outside (c > 0) a sphere behind (b < 0) has both crossings at t < 0.
   const __m256 behind = _mm256_and_ps(b, _mm256_cmp_ps(c, zero, _CMP_GT_OQ));
   if (_mm256_movemask_ps(_mm256_andnot_ps(behind, crossed)) == 0) return -1;
-  const __m256 root = _mm256_sqrt_ps(_mm256_mul_ps(a, discriminant));
+  const __m256 root = _mm256_sqrt_ps(_mm256_mul_ps(_mm256_set1_ps(a), discriminant));
   const __m256 q = _mm256_add_ps(b, _mm256_or_ps(root, _mm256_and_ps(b, sign)));
-  const __m256 t0 = _mm256_div_ps(c, q), t1 = _mm256_mul_ps(q, inverse);
+  const __m256 t0 = _mm256_div_ps(c, q), t1 = _mm256_mul_ps(q, inverse8);
   const __m256 near = _mm256_min_ps(t0, t1), far = _mm256_max_ps(t0, t1);
   const __m256 t = _mm256_blendv_ps(far, near, _mm256_cmp_ps(near, zero, _CMP_GT_OQ));
   const __m256 valid = _mm256_and_ps(_mm256_and_ps(crossed, _mm256_cmp_ps(t, zero, _CMP_GT_OQ)),
                                      _mm256_cmp_ps(t, _mm256_set1_ps(*t_hit), _CMP_LT_OQ));
-  uint32_t mask = static_cast<uint32_t>(_mm256_movemask_ps(valid));
-  alignas(32) float ts[8];
-  _mm256_store_ps(ts, t);
-  int lane = -1;
-  for (; mask != 0; mask &= mask - 1) {
-    const int i = __builtin_ctz(mask);
-    if (!(ts[i] < *t_hit)) continue;
-    *t_hit = ts[i];
-    lane = i;
-  }
-  return lane;
+  __m256 least = _mm256_blendv_ps(_mm256_set1_ps(*t_hit), t, valid);
+  least = _mm256_min_ps(least, _mm256_permute2f128_ps(least, least, 1));
+  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0x4e));
+  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0xb1));
+  *t_hit = _mm256_cvtss_f32(least);
+  const int lanes = _mm256_movemask_ps(_mm256_and_ps(valid, _mm256_cmp_ps(t, least, _CMP_EQ_OQ)));
+  return lanes != 0 ? __builtin_ctz(static_cast<uint32_t>(lanes)) : -1;
 }
 
 #else
@@ -170,12 +176,11 @@ inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) 
   return mask;
 }
 
-inline int intersect_block(const SphereBlock& block, const LocalRay& ray, float* t_hit) {
+inline int HostBlockTest::hit(const SphereBlock& block, float* t_hit) const {
   int lane = -1;
   for (uint32_t i = 0; i < block.count; ++i) {
-    const Vec3 center =
-        Vec3(block.x[i], block.y[i], block.z[i]) + Vec3(block.dx[i], block.dy[i], block.dz[i]) * ray.time;
-    const float t = intersect_sphere(ray.origin, ray.direction, *t_hit, center, block.radius[i]);
+    const Vec3 center = Vec3(block.x[i], block.y[i], block.z[i]) + Vec3(block.dx[i], block.dy[i], block.dz[i]) * time;
+    const float t = intersect_sphere(origin, direction, *t_hit, center, block.radius[i]);
     if (t == kInfinity) continue;
     *t_hit = t;
     lane = static_cast<int>(i);
@@ -226,11 +231,11 @@ inline __attribute__((always_inline)) HostEntry nearest_child(const Node8& node,
 
 // Tests the sphere blocks of a node; on a nearer hit writes t and leaf and returns true (kAny: at the first one).
 template <bool kAny>
-inline bool hit_blocks(const GeometryView& g, uint32_t blocks, const LocalRay& local, Hit* hit) {
+inline bool hit_blocks(const GeometryView& g, uint32_t blocks, const HostBlockTest& test, Hit* hit) {
   bool found = false;
   for (uint32_t i = 0; i < (blocks & 3); ++i) {
     const SphereBlock& block = g.blocks[(blocks >> 2) + i];
-    const int lane = intersect_block(block, local, &hit->t);
+    const int lane = test.hit(block, &hit->t);
     if (lane < 0) continue;
     hit->leaf = block.first + static_cast<uint32_t>(lane);
     found = true;
@@ -239,12 +244,23 @@ inline bool hit_blocks(const GeometryView& g, uint32_t blocks, const LocalRay& l
   return found;
 }
 
-// The ray as an instance's group sees it.
-inline void enter_instance(const Instance& it, const Ray& ray, LocalRay* local, HostNodeTest* test) {
-  const Transform to_local = it.local_at(ray.time);
-  *local = LocalRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time);
-  *test = HostNodeTest::make(local->origin, local->direction);
-}
+// The ray in one space, ready for all tests.
+struct HostRay {
+  LocalRay primitive;
+  HostBlockTest block;
+  HostNodeTest node;
+
+  // only_blocks: `primitive` stays empty.
+  static HostRay make(Vec3 origin, Vec3 direction, float time, bool only_blocks) {
+    return {only_blocks ? LocalRay{} : LocalRay::make(origin, direction, time),
+            HostBlockTest::make(origin, direction, time), HostNodeTest::make(origin, direction)};
+  }
+  // As an instance's group sees it.
+  static HostRay in_instance(const Instance& it, const Ray& ray) {
+    const Transform to_local = it.local_at(ray.time);
+    return make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time, false);
+  }
+};
 
 // kOnlyBlocks: the scene is as GeometryView::only_blocks says, and the code for all else is left out.
 template <bool kAny, bool kOnlyBlocks>
@@ -253,15 +269,13 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
   int top = 0, floor = 0;
   uint32_t instance = Hit::kNone;
   bool found = false;
-  LocalRay local = kOnlyBlocks ? LocalRay{ray.origin, ray.direction, {}, ray.time}
-                               : LocalRay::make(ray.origin, ray.direction, ray.time);
-  HostNodeTest test = HostNodeTest::make(ray.origin, ray.direction);
+  HostRay local = HostRay::make(ray.origin, ray.direction, ray.time, kOnlyBlocks);
   HostEntry e = {0, 0, 0.0f};
   for (;;) {
     if (kOnlyBlocks || e.count == 0) {
       const Node8& node = g.nodes[e.index];
       const uint32_t blocks = kOnlyBlocks || g.blocks_of_node != nullptr ? g.blocks_of_node[e.index] : 0;
-      if (hit_blocks<kAny>(g, blocks, local, hit)) {
+      if (hit_blocks<kAny>(g, blocks, local.block, hit)) {
         hit->instance = instance;
         found = true;
         if (kAny) return true;
@@ -269,16 +283,16 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       uint32_t mask = 0;
       alignas(32) float near[8];
       if (kOnlyBlocks || blocks != 0) {
-        if (node.inner_mask != 0) mask = test.boxes(node, hit->t, near) & node.inner_mask;
+        if (node.inner_mask != 0) mask = local.node.boxes(node, hit->t, near) & node.inner_mask;
       } else {
-        mask = test.hits(node, hit->t, near);
+        mask = local.node.hits(node, hit->t, near);
       }
       if (mask != 0) {
         e = nearest_child<kOnlyBlocks>(node, mask, near, stack, &top);
         continue;
       }
     } else if (g.leaves[e.index].kind() != PrimitiveKind::Instance) {
-      if (intersect_primitive(g, g.leaves[e.index], e.index, local, hit)) {
+      if (intersect_primitive(g, g.leaves[e.index], e.index, local.primitive, hit)) {
         hit->instance = instance;
         found = true;
         if (kAny) return true;
@@ -292,7 +306,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       if (e.count > 1) stack[top++] = {e.index + 1, e.count - 1, e.near};
       floor = top;
       const Instance& it = g.instances[instance];
-      enter_instance(it, ray, &local, &test);
+      local = HostRay::in_instance(it, ray);
       e = {it.root, 0, 0.0f};
       continue;
     }
@@ -300,8 +314,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       if (!kOnlyBlocks && instance != Hit::kNone && top == floor) {
         instance = Hit::kNone;
         floor = 0;
-        local = LocalRay::make(ray.origin, ray.direction, ray.time);
-        test = HostNodeTest::make(ray.origin, ray.direction);
+        local = HostRay::make(ray.origin, ray.direction, ray.time, false);
       }
       if (top == 0) return found;
       e = stack[--top];

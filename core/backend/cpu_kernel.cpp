@@ -4,7 +4,7 @@
 #include <new>
 
 #include "accel/traverse_packet.h"
-#include "backend/camera_numbers.h"
+#include "backend/batch_numbers.h"
 #include "backend/render_task.h"
 #include "film/film.h"
 #include "integrate/path_tracer.h"
@@ -35,6 +35,7 @@ struct Batch {
   Hit hits[kBatch];
   SampleAovs aovs[kBatch];
   CameraNumbersBatch<kBatch> numbers;
+  BounceNumbersBatch<kBatch> bounces;  // in the order of the paths alive
   uint32_t x[kBatch], y[kBatch];
   uint32_t size = 0;
 };
@@ -74,13 +75,15 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
       for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
     }
     counts[0] += n;
+    for (uint32_t k = 0; k < n; ++k) batch->bounces.set(k, batch->paths[alive[k]]);
+    batch->bounces.compute(n);
     uint32_t left = 0;
     for (uint32_t k = 0; k < n; ++k) {
       const uint32_t i = alive[k];
       Path& path = batch->paths[i];
       ShadowRay shadow;
       shade<Tracer>(scene, task.settings, batch->hits[i], &path, &shadow,
-                    task.settings.aovs ? &batch->aovs[i] : nullptr);
+                    task.settings.aovs ? &batch->aovs[i] : nullptr, batch->bounces[k]);
       if (shadow.wanted) {
         connect<Tracer>(scene, shadow, &path);
         ++counts[0];

@@ -54,8 +54,8 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
 
 // Loads T's parameters at a point of a surface: each slot's value, textures looked up.
 template <class T, size_t... I>
-DST_FN T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context,
-                   std::index_sequence<I...>) {
+DST_FN DST_HOT T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context,
+                           std::index_sequence<I...>) {
   T bsdf;
   const Slot* slots = scene.textures.slots.data + first_slot;
   (set_param<T, I>(bsdf, T::params[I].texturable
@@ -76,6 +76,14 @@ constexpr int first_color() {
   return -1;
 }
 
+// The random numbers that a material draws. A backend may pass another type with the same members that has them ready.
+struct BounceNumbers {
+  DST_HD DST_HOT float lobe(const Path& path) const { return path.sampler.get_1d(bounce_dimension(path, kDimLobe)); }
+  DST_HD DST_HOT Vec2 direction(const Path& path) const {
+    return path.sampler.get_2d(bounce_dimension(path, kDimDirection));
+  }
+};
+
 // What a material answers at one point: to a direction towards a light, and for the path's way on.
 struct MaterialSample {
   Vec3 f;         // eval for the light's direction
@@ -86,15 +94,16 @@ struct MaterialSample {
 };
 
 // Asks a material of one type. The only code that is instantiated per material: whatever all materials share stands in
-// shade, once.
+// shade, once. Numbers: see BounceNumbers.
+template <class Numbers>
 struct AskMaterial {
   const SceneView& scene;
   uint32_t first_slot;
   const TextureContext& texture;
   const ShadingPoint& point;
-  const Sampler& sampler;
-  uint32_t lobe_dimension, direction_dimension;  // of the sampler
-  Vec3 light;                                    // local direction towards a light, if has_light
+  const Path& path;
+  const Numbers& numbers;
+  Vec3 light;  // local direction towards a light, if has_light
   bool has_light;
 
   template <class T>
@@ -103,7 +112,7 @@ struct AskMaterial {
     BsdfContext context = point.context;
     if constexpr (requires { bsdf.needs_wavelength(); }) {
       if (context.wavelength == 0 && bsdf.needs_wavelength())
-        context.wavelength = sample_wavelength(sampler.get_1d(kDimWavelength));
+        context.wavelength = sample_wavelength(path.sampler.get_1d(kDimWavelength));
     }
     prepare(bsdf, context);
     MaterialSample r;
@@ -114,7 +123,7 @@ struct AskMaterial {
       r.f = bsdf.eval(point.wo, light);
       r.pdf = bsdf.pdf(point.wo, light);
     }
-    r.next = bsdf.sample(point.wo, sampler.get_1d(lobe_dimension), sampler.get_2d(direction_dimension));
+    r.next = bsdf.sample(point.wo, numbers.lobe(path), numbers.direction(path));
     return r;
   }
 };

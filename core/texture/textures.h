@@ -80,7 +80,8 @@ DST_NOINLINE Vec3 eval_textured_slot(Slot slot, TextureContext context, TextureD
 }
 
 // The value of a slot. `as_scalar`: the parameter is one number, read from the slot's channel (x of the result).
-DST_FN Vec3 eval_slot(const Slot& slot, const TextureContext& context, const TextureData& data, bool as_scalar) {
+DST_FN DST_HOT Vec3 eval_slot(const Slot& slot, const TextureContext& context, const TextureData& data,
+                              bool as_scalar) {
   if (slot.is_constant()) return slot.value;
   if (slot.has_texture()) return eval_textured_slot(slot, context, data, as_scalar);
   return slot.value * pick_channel(context.vertex_color, slot.channel(), as_scalar);

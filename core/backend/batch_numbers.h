@@ -1,4 +1,4 @@
-// The numbers that start the paths of a batch, computed side by side.
+// Random numbers for the paths of a batch, computed side by side: those that start them, and those of their bounces.
 #pragma once
 
 #include "integrate/path_tracer.h"
@@ -51,6 +51,42 @@ struct CameraNumbersBatch {
       y[i] = p.y;
     }
   }
+};
+
+// As integrate/surface_scattering.h's BounceNumbers.
+struct ReadyBounceNumbers : BounceNumbers {
+  Vec2 direction_value;
+
+  explicit ReadyBounceNumbers(Vec2 direction) : direction_value(direction) {}
+  Vec2 direction(const Path&) const { return direction_value; }
+};
+
+template <uint32_t kCount>
+struct BounceNumbersBatch {
+  alignas(32) uint32_t key[kCount] = {}, reversed_index[kCount] = {}, dimension[kCount] = {};
+  alignas(32) float x[kCount], y[kCount];
+
+  void set(uint32_t i, const Path& path) {
+    key[i] = path.sampler.key;
+    reversed_index[i] = path.sampler.reversed_index;
+    dimension[i] = bounce_dimension(path, kDimDirection);
+  }
+  // Of the first n.
+  void compute(uint32_t n) {
+    constexpr uint32_t kLanes = 8;
+    static_assert(kCount % kLanes == 0);
+    for (uint32_t first = 0; first < n; first += kLanes) {
+      for (uint32_t i = first; i < first + kLanes; ++i) {
+        Sampler s;
+        s.key = key[i];
+        s.reversed_index = reversed_index[i];
+        const Vec2 p = s.get_2d(dimension[i]);
+        x[i] = p.x;
+        y[i] = p.y;
+      }
+    }
+  }
+  ReadyBounceNumbers operator[](uint32_t i) const { return ReadyBounceNumbers({x[i], y[i]}); }
 };
 
 }  // namespace destello
