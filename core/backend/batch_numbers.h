@@ -53,11 +53,13 @@ struct CameraNumbersBatch {
   }
 };
 
-// As integrate/surface_scattering.h's BounceNumbers.
-struct ReadyBounceNumbers : BounceNumbers {
+// As integrate/surface_scattering.h's Bounce.
+struct ReadyBounce : Bounce {
+  const Surface& surface_value;
   Vec2 direction_value;
 
-  explicit ReadyBounceNumbers(Vec2 direction) : direction_value(direction) {}
+  ReadyBounce(const Surface& surface, Vec2 direction) : surface_value(surface), direction_value(direction) {}
+  const Surface& surface(const SceneView&, const Path&, const Hit&) const { return surface_value; }
   Vec2 direction(const Path&) const { return direction_value; }
 };
 
@@ -86,7 +88,7 @@ struct BounceNumbersBatch {
       }
     }
   }
-  ReadyBounceNumbers operator[](uint32_t i) const { return ReadyBounceNumbers({x[i], y[i]}); }
+  Vec2 operator[](uint32_t i) const { return {x[i], y[i]}; }
 };
 
 }  // namespace destello
