@@ -53,13 +53,11 @@ struct CameraNumbersBatch {
   }
 };
 
-// As integrate/surface_scattering.h's Bounce.
-struct ReadyBounce : Bounce {
-  const Surface& surface_value;
+// As integrate/surface_scattering.h's BounceNumbers.
+struct ReadyBounceNumbers : BounceNumbers {
   Vec2 direction_value;
 
-  ReadyBounce(const Surface& surface, Vec2 direction) : surface_value(surface), direction_value(direction) {}
-  const Surface& surface(const SceneView&, const Path&, const Hit&) const { return surface_value; }
+  explicit ReadyBounceNumbers(Vec2 direction) : direction_value(direction) {}
   Vec2 direction(const Path&) const { return direction_value; }
 };
 
@@ -88,7 +86,7 @@ struct BounceNumbersBatch {
       }
     }
   }
-  Vec2 operator[](uint32_t i) const { return {x[i], y[i]}; }
+  ReadyBounceNumbers operator[](uint32_t i) const { return ReadyBounceNumbers({x[i], y[i]}); }
 };
 
 }  // namespace destello

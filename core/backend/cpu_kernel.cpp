@@ -35,9 +35,7 @@ struct Batch {
   Hit hits[kBatch];
   SampleAovs aovs[kBatch];
   CameraNumbersBatch<kBatch> numbers;
-  // In the order of the paths alive:
-  Surface surfaces[kBatch];  // that they have met, if any
-  BounceNumbersBatch<kBatch> directions;
+  BounceNumbersBatch<kBatch> bounces;  // in the order of the paths alive
   uint32_t x[kBatch], y[kBatch];
   uint32_t size = 0;
 };
@@ -77,21 +75,15 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
       for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
     }
     counts[0] += n;
-    for (uint32_t k = 0; k < n; ++k) {
-      const Path& path = batch->paths[alive[k]];
-      const Hit& hit = batch->hits[alive[k]];
-      batch->directions.set(k, path);
-      if (hit.found()) batch->surfaces[k] = make_surface(scene, path.ray, hit);
-    }
-    batch->directions.compute(n);
+    for (uint32_t k = 0; k < n; ++k) batch->bounces.set(k, batch->paths[alive[k]]);
+    batch->bounces.compute(n);
     uint32_t left = 0;
     for (uint32_t k = 0; k < n; ++k) {
       const uint32_t i = alive[k];
       Path& path = batch->paths[i];
       ShadowRay shadow;
       shade<Tracer>(scene, task.settings, batch->hits[i], &path, &shadow,
-                    task.settings.aovs ? &batch->aovs[i] : nullptr,
-                    ReadyBounce(batch->surfaces[k], batch->directions[k]));
+                    task.settings.aovs ? &batch->aovs[i] : nullptr, batch->bounces[k]);
       if (shadow.wanted) {
         connect<Tracer>(scene, shadow, &path);
         ++counts[0];

@@ -83,10 +83,10 @@ DST_FN Hit trace(const SceneView& scene, const Path& path) {
 
 // The light sample's contribution and the path's next direction, once the surface is known to be there. `distance`: of
 // the surface from the last scattering.
-template <class Tracer, class B>
+template <class Tracer, class Numbers>
 DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& settings, const MaterialRecord& m,
                                const ShadingPoint& point, const TextureContext& texture, float distance, Path* path,
-                               ShadowRay* shadow, SampleAovs* aovs, const B& bounce) {
+                               ShadowRay* shadow, SampleAovs* aovs, const Numbers& numbers) {
   const Surface& s = point.surface;
   LightPick light;
   if (settings.light_sampling != LightSampling::Bsdf && !(m.flags & kDeltaOnly) &&
@@ -97,8 +97,9 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const Vec3 to_light = point.frame.to_local(light.wi);
   // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
-  const MaterialSample answer = dispatch(
-      Materials{}, m.type, AskMaterial<B>{scene, m.first_slot, texture, point, *path, bounce, to_light, has_light});
+  const MaterialSample answer =
+      dispatch(Materials{}, m.type,
+               AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
@@ -140,9 +141,9 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
 
 // Handles what the last segment has met: gathers emission, asks for a shadow ray, scatters. Next: connect if
 // shadow->wanted, then trace if path->alive. `aovs` (or null) receives the first hit's features.
-template <class Tracer, class B = Bounce>
+template <class Tracer, class Numbers = BounceNumbers>
 DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const Hit& hit, Path* path, ShadowRay* shadow,
-                  SampleAovs* aovs, const B& bounce = {}) {
+                  SampleAovs* aovs, const Numbers& numbers = {}) {
   shadow->wanted = false;
   if (!Tracer::kSimple && scene.has_boundaries && !path->inside.empty()) {
     shadow->inside = path->inside;
@@ -154,7 +155,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->alive = false;
     return;
   }
-  const Surface& s = bounce.surface(scene, *path, hit);
+  const Surface s = make_surface(scene, path->ray, hit);
   const TextureContext context = texture_context(s);
   uint32_t index = s.material;
   if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
@@ -188,7 +189,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   }
   ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
   if (outside != kNoIndex) point.context.outside_ior = scene.interiors[outside].ior;
-  scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs, bounce);
+  scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs, numbers);
 }
 
 // --- stage: connect ---------------------------------------------------------------------------------------------------

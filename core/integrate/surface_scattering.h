@@ -76,12 +76,8 @@ constexpr int first_color() {
   return -1;
 }
 
-// What shade asks for at a path's bounce. A backend may pass another type with the same members that has it ready.
-struct Bounce {
-  DST_HD Surface surface(const SceneView& scene, const Path& path, const Hit& hit) const {
-    return make_surface(scene, path.ray, hit);
-  }
-  // The random numbers that a material draws.
+// The random numbers that a material draws. A backend may pass another type with the same members that has them ready.
+struct BounceNumbers {
   DST_HD DST_HOT float lobe(const Path& path) const { return path.sampler.get_1d(bounce_dimension(path, kDimLobe)); }
   DST_HD DST_HOT Vec2 direction(const Path& path) const {
     return path.sampler.get_2d(bounce_dimension(path, kDimDirection));
@@ -98,15 +94,15 @@ struct MaterialSample {
 };
 
 // Asks a material of one type. The only code that is instantiated per material: whatever all materials share stands in
-// shade, once. B: Bounce, or like it.
-template <class B>
+// shade, once. Numbers: see BounceNumbers.
+template <class Numbers>
 struct AskMaterial {
   const SceneView& scene;
   uint32_t first_slot;
   const TextureContext& texture;
   const ShadingPoint& point;
   const Path& path;
-  const B& bounce;
+  const Numbers& numbers;
   Vec3 light;  // local direction towards a light, if has_light
   bool has_light;
 
@@ -127,7 +123,7 @@ struct AskMaterial {
       r.f = bsdf.eval(point.wo, light);
       r.pdf = bsdf.pdf(point.wo, light);
     }
-    r.next = bsdf.sample(point.wo, bounce.lobe(path), bounce.direction(path));
+    r.next = bsdf.sample(point.wo, numbers.lobe(path), numbers.direction(path));
     return r;
   }
 };
