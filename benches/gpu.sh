@@ -7,10 +7,14 @@ mkdir -p "$OUT"
 nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader | tee "$OUT/device.txt"
 python3 benches/render.py --device cuda:0 origin:1280x720:200 book1:1200x675:500 book1:1200x800:100 cornell:600x600:200 \
   book2:800x800:64 | tee "$OUT/render.json"
-python3 -m pytest -q -m cuda -p no:cacheprovider -W error tests --ignore=tests/io/fuzz -x --maxfail=20 2>&1 | tail -40 | tee "$OUT/tests.txt"
+python3 benches/render.py --device cuda:0 --execution fused --repeat 3 origin:1280x720:200 book1:1200x800:100 \
+  cornell:600x600:200 | tee "$OUT/fused.json"
+python3 -m pytest -q -m cuda -p no:cacheprovider -W error tests --ignore=tests/io/fuzz -rP --maxfail=20 2>&1 | grep -v "^$" | tail -60 | tee "$OUT/tests.txt"
 for tool in memcheck racecheck; do
-  compute-sanitizer --tool $tool --error-exitcode 9 python3 -m destello render cornell-smoke --size 32x32 --spp 2 \
-    --device cuda -o "$OUT/small.png" >"$OUT/$tool.txt" 2>&1
-  echo "$tool: exit code $?, $(grep -c 'Invalid\|Race' "$OUT/$tool.txt") reports"
-  tail -3 "$OUT/$tool.txt"
+  for scene in cornell-smoke cornell book1; do  # one for the fused kernel, two for the queue kernels
+    compute-sanitizer --tool $tool --error-exitcode 9 python3 -m destello render $scene --size 32x32 --spp 2 \
+      --device cuda -o "$OUT/small.png" >"$OUT/$tool-$scene.txt" 2>&1
+    echo "$tool, $scene: exit code $?, $(grep -c 'Invalid\|Race' "$OUT/$tool-$scene.txt") reports"
+    tail -1 "$OUT/$tool-$scene.txt"
+  done
 done

@@ -17,7 +17,7 @@ import sys
 from destello import __version__, _core, scenes
 
 
-def measure(entry: str, device: str, threads: int, repeat: int, seed: int) -> dict[str, object]:
+def measure(entry: str, device: str, threads: int, repeat: int, seed: int, execution: str) -> dict[str, object]:
     name, _, rest = entry.partition(":")
     size, _, spp = rest.partition(":")
     scene = scenes.build(name)
@@ -29,6 +29,7 @@ def measure(entry: str, device: str, threads: int, repeat: int, seed: int) -> di
         "max_depth": scene.render.max_depth,
         "time0": scene.render.shutter[0],
         "time1": scene.render.shutter[1],
+        "execution": execution,
     }
     runs = []
     for i in range(repeat + 1):
@@ -43,6 +44,7 @@ def measure(entry: str, device: str, threads: int, repeat: int, seed: int) -> di
         "size": [width, height],
         "spp": samples,
         "max_depth": scene.render.max_depth,
+        "execution": execution,
         "seconds": wall,
         "kernel_seconds": kernel,
         "Msamples_s": count / wall / 1e6,
@@ -61,10 +63,11 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--execution", default="auto", choices=["auto", "fused", "queues"], help="of CUDA devices")
     args = parser.parse_args()
     label = next((d["label"] for d in _core.devices() if d["name"] == args.device), args.device)
     for entry in args.scenes:
-        result = measure(entry, args.device, args.threads, args.repeat, args.seed)
+        result = measure(entry, args.device, args.threads, args.repeat, args.seed, args.execution)
         result |= {"device": label, "version": __version__, "date": dt.date.today().isoformat()}
         print(json.dumps(result), flush=True)
         print(

@@ -123,6 +123,13 @@ LightSampling to_light_sampling(const std::string& name) {
   throw std::invalid_argument("light_sampling '" + name + "': expected auto, mis, bsdf or light");
 }
 
+Execution to_execution(const std::string& name) {
+  const char* names[] = {"auto", "fused", "queues"};
+  for (uint32_t i = 0; i < 3; ++i)
+    if (name == names[i]) return static_cast<Execution>(i);
+  throw std::invalid_argument("execution '" + name + "': expected auto, fused or queues");
+}
+
 struct PrepareCamera {
   uint32_t width, height;
   template <class C>
@@ -209,6 +216,7 @@ class Renderer {
       throw std::invalid_argument("crop: outside the film");
     task.first_sample = first;
     task.last_sample = last;
+    task.execution = to_execution(setting<std::string>(settings, "execution", "auto"));
     const Vec2 center{0.5f * static_cast<float>(film.width), 0.5f * static_cast<float>(film.height)};
     for (const uint32_t i : scene_.interiors_at(task.settings.camera.visit(CenterRay{center})))
       task.camera_inside.push(i);

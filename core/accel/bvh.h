@@ -30,27 +30,6 @@ inline constexpr int kTraversalStack = 48;  // entries: two per level of either 
 // Far distances grow by this factor so that rounding never loses a box (Ize 2013, "Robust BVH Ray Traversal").
 inline constexpr float kRobustFar = 1.0f + 2.0f * gamma_bound(3);
 
-DST_FN Vec3 safe_reciprocal(Vec3 d) {
-  // Zero components become tiny: their slab distances turn out huge but not NaN.
-  const auto f = [](float x) { return 1.0f / (fabsf(x) < 1e-30f ? copysignf(1e-30f, x) : x); };
-  return {f(d.x), f(d.y), f(d.z)};
-}
-
-// --- node test, device flavour (also compiled for the host, as the SIMD version's twin) ---
-
-// Bits 24-31: inner children hit, in order of visit (slot ^ octant); bits 0-23: primitives of leaf children hit.
-struct NodeTest {
-  Vec3 origin, reciprocal;
-  uint32_t octant;  // bit k: direction k is not negative
-
-  DST_HD static NodeTest make(Vec3 origin, Vec3 direction) {
-    const Vec3 r = safe_reciprocal(direction);
-    const uint32_t octant = (r.x >= 0 ? 1u : 0u) | (r.y >= 0 ? 2u : 0u) | (r.z >= 0 ? 4u : 0u);
-    return {origin, r, octant};
-  }
-  DST_HD uint32_t hits(const Node8& node, float t_max) const;
-};
-
 DST_FN float bits_to_float(uint32_t bits) {
 #if DST_ON_DEVICE
   return __uint_as_float(bits);
@@ -58,57 +37,126 @@ DST_FN float bits_to_float(uint32_t bits) {
   return __builtin_bit_cast(float, bits);
 #endif
 }
-
-// Byte i of w as the float 1 + byte/32768: a byte permutation instead of an integer conversion.
-DST_FN float byte_as_offset_float(uint32_t w, int i) {
+DST_FN int32_t float_to_bits(float x) {
 #if DST_ON_DEVICE
-  return __uint_as_float(__byte_perm(w, 0x3f800000u, 0x7604u | (static_cast<uint32_t>(i) << 4)));
+  return __float_as_int(x);
 #else
-  return bits_to_float(0x3f800000u | (((w >> (8 * i)) & 0xffu) << 8));
+  return __builtin_bit_cast(int32_t, x);
 #endif
 }
 
-// One axis of the slab test: distance = byte_as_offset_float * scale + bias.
-struct SlabAxis {
-  float scale, bias;
-
-  DST_HD SlabAxis(uint8_t exponent, float node_origin, float origin, float reciprocal) {
-    const float step = bits_to_float(static_cast<uint32_t>(exponent) << 23) * reciprocal;
-    scale = step * 32768.0f;
-    bias = (node_origin - origin) * reciprocal - scale;
-  }
-};
-
-DST_FN uint32_t child_bits(uint32_t meta, uint32_t octant) {
-  const bool inner = (meta & 0x18u) == 0x18u;  // 24..31
-  return inner ? 1u << ((meta & 0x1fu) ^ octant) : (meta >> 5) << (meta & 0x1fu);
+DST_FN Vec3 safe_reciprocal(Vec3 d) {
+  // Zero components become tiny: their slab distances turn out huge but not NaN.
+  const auto f = [](float x) { return 1.0f / (fabsf(x) < 1e-20f ? copysignf(1e-20f, x) : x); };
+  return {f(d.x), f(d.y), f(d.z)};
 }
 
-DST_FN uint32_t NodeTest::hits(const Node8& node, float t_max) const {
-  const SlabAxis x(node.exponent[0], node.origin.x, origin.x, reciprocal.x);
-  const SlabAxis y(node.exponent[1], node.origin.y, origin.y, reciprocal.y);
-  const SlabAxis z(node.exponent[2], node.origin.z, origin.z, reciprocal.z);
-  const uint32_t* lo = reinterpret_cast<const uint32_t*>(node.lo);
-  const uint32_t* hi = reinterpret_cast<const uint32_t*>(node.hi);
-  const uint32_t* meta = reinterpret_cast<const uint32_t*>(node.meta);
+// --- node test, device flavour (also compiled for the host, as the SIMD version's twin) ---
+
+// A node as the words of its memory, which is how the device reads it: bytes that a struct names would be taken apart and
+// put together again.
+struct alignas(16) NodeWords {
+  uint32_t w[20];
+
+  DST_HD static NodeWords load(const Node8* node) { return load_wide(reinterpret_cast<const NodeWords*>(node)); }
+  DST_HD float origin(int axis) const { return bits_to_float(w[axis]); }
+  // 2^exponent
+  DST_HD float quantum(int axis) const { return bits_to_float((w[3] >> (8 * axis) << 23) & 0x7f800000u); }
+  DST_HD uint32_t inner_mask() const { return w[3] >> 24; }
+  DST_HD uint32_t first_child() const { return w[4]; }
+  DST_HD uint32_t first_leaf() const { return w[5]; }
+  // Of children 4 * half to 4 * half + 3, a byte each.
+  DST_HD uint32_t meta(int half) const { return w[6 + half]; }
+  DST_HD uint32_t lo(int axis, int half) const { return w[8 + 2 * axis + half]; }
+  DST_HD uint32_t hi(int axis, int half) const { return w[14 + 2 * axis + half]; }
+};
+static_assert(sizeof(NodeWords) == sizeof(Node8));
+
+// A ray as node tests see it.
+struct NodeTest {
+  Vec3 origin, reciprocal;
+  uint32_t octant;  // bit k: direction k is not negative
+  uint32_t one;     // 1.0f's bits, see byte_as_offset_float
+
+  DST_HD static NodeTest make(Vec3 origin, Vec3 direction) {
+    const Vec3 r = safe_reciprocal(direction);
+    const uint32_t octant = (r.x >= 0 ? 1u : 0u) | (r.y >= 0 ? 2u : 0u) | (r.z >= 0 ? 4u : 0u);
+    // The compiler must not know that this is a constant: a byte permutation takes but one, and that is to be the order.
+    return {origin, r, octant, static_cast<uint32_t>(float_to_bits(r.x * 0.0f + 1.0f))};
+  }
+  // Bits 24-31: inner children hit, in order of visit (slot ^ octant); bits 0-23: primitives of leaf children hit.
+  DST_HD uint32_t hits(const NodeWords& node, float t_max) const;
+};
+
+// Byte i of w as the float 1 + byte/32768: a byte permutation instead of an integer conversion. `one`: the bits of 1.0f.
+DST_FN float byte_as_offset_float(uint32_t w, int i, uint32_t one) {
+#if DST_ON_DEVICE
+  return __uint_as_float(__byte_perm(w, one, 0x7604u | (static_cast<uint32_t>(i) << 4)));
+#else
+  return bits_to_float(one | (((w >> (8 * i)) & 0xffu) << 8));
+#endif
+}
+
+// One axis of the slab test: distances of a near and a far plane from their bytes as offset floats.
+struct SlabAxis {
+  float scale, bias, far_scale, far_bias;
+
+  DST_HD SlabAxis(float quantum, float node_origin, float origin, float reciprocal) {
+    scale = quantum * reciprocal * 32768.0f;
+    bias = (node_origin - origin) * reciprocal - scale;
+    far_scale = scale * kRobustFar;
+    far_bias = bias * kRobustFar;
+  }
+  DST_HD float near(float offset) const { return offset * scale + bias; }
+  DST_HD float far(float offset) const { return offset * far_scale + far_bias; }
+};
+
+// Distances are compared as integers: where both are positive floats the order is the same, and on the GPU the larger of
+// three integers is one instruction. A negative float is a negative integer, whatever its size: enough to be a miss.
+//
+// The largest of a, b, c and 0.
+DST_FN int32_t entry_distance(float a, float b, float c) {
+#if DST_ON_DEVICE
+  return __vimax3_s32_relu(float_to_bits(a), float_to_bits(b), float_to_bits(c));
+#else
+  return max(max(float_to_bits(a), float_to_bits(b)), max(float_to_bits(c), 0));
+#endif
+}
+// The smallest of a, b, c and d, or anything negative if one of them is negative.
+DST_FN int32_t exit_distance(float a, float b, float c, float d) {
+#if DST_ON_DEVICE
+  return min(__vimin3_s32(float_to_bits(a), float_to_bits(b), float_to_bits(c)), float_to_bits(d));
+#else
+  return min(min(float_to_bits(a), float_to_bits(b)), min(float_to_bits(c), float_to_bits(d)));
+#endif
+}
+
+DST_FN uint32_t NodeTest::hits(const NodeWords& node, float t_max) const {
+  const SlabAxis x(node.quantum(0), node.origin(0), origin.x, reciprocal.x);
+  const SlabAxis y(node.quantum(1), node.origin(1), origin.y, reciprocal.y);
+  const SlabAxis z(node.quantum(2), node.origin(2), origin.z, reciprocal.z);
   uint32_t result = 0;
   DST_UNROLL
   for (int half = 0; half < 2; ++half) {
-    const uint32_t nx = octant & 1 ? lo[half] : hi[half], fx = octant & 1 ? hi[half] : lo[half];
-    const uint32_t ny = octant & 2 ? lo[2 + half] : hi[2 + half], fy = octant & 2 ? hi[2 + half] : lo[2 + half];
-    const uint32_t nz = octant & 4 ? lo[4 + half] : hi[4 + half], fz = octant & 4 ? hi[4 + half] : lo[4 + half];
+    const uint32_t lx = node.lo(0, half), ly = node.lo(1, half), lz = node.lo(2, half);
+    const uint32_t hx = node.hi(0, half), hy = node.hi(1, half), hz = node.hi(2, half);
+    const uint32_t nx = octant & 1 ? lx : hx, fx = octant & 1 ? hx : lx;
+    const uint32_t ny = octant & 2 ? ly : hy, fy = octant & 2 ? hy : ly;
+    const uint32_t nz = octant & 4 ? lz : hz, fz = octant & 4 ? hz : lz;
+    // Four children at once: which bits they set, and where; an inner child's place depends on the octant.
+    const uint32_t m = node.meta(half);
+    const uint32_t inner = ((m & (m << 1)) & 0x10101010u) >> 4;
+    const uint32_t place = (m & 0x1f1f1f1fu) ^ ((octant * 0x01010101u) & (inner * 7u));
+    const uint32_t bits = (m >> 5) & 0x07070707u;
     DST_UNROLL
     for (int i = 0; i < 4; ++i) {
-      const float tnx = byte_as_offset_float(nx, i) * x.scale + x.bias;
-      const float tny = byte_as_offset_float(ny, i) * y.scale + y.bias;
-      const float tnz = byte_as_offset_float(nz, i) * z.scale + z.bias;
-      const float tfx = byte_as_offset_float(fx, i) * x.scale + x.bias;
-      const float tfy = byte_as_offset_float(fy, i) * y.scale + y.bias;
-      const float tfz = byte_as_offset_float(fz, i) * z.scale + z.bias;
-      const float near = max(max(tnx, tny), max(tnz, 0.0f));
-      const float far = min(min(tfx, tfy), tfz) * kRobustFar;
-      const uint32_t m = (meta[half] >> (8 * i)) & 0xffu;
-      if (near <= min(far, t_max)) result |= child_bits(m, octant);
+      const int32_t in =
+          entry_distance(x.near(byte_as_offset_float(nx, i, one)), y.near(byte_as_offset_float(ny, i, one)),
+                         z.near(byte_as_offset_float(nz, i, one)));
+      const int32_t out =
+          exit_distance(x.far(byte_as_offset_float(fx, i, one)), y.far(byte_as_offset_float(fy, i, one)),
+                        z.far(byte_as_offset_float(fz, i, one)), t_max);
+      if (in <= out) result |= ((bits >> (8 * i)) & 7u) << ((place >> (8 * i)) & 31u);
     }
   }
   return result;
@@ -139,11 +187,13 @@ struct Group {
   DST_HD bool has_nodes() const { return (bits & 0xff000000u) != 0; }
 };
 
-// A ray's way through the tree, one node at a time, so that a warp can look up between steps which of its lanes are done.
+// A ray's way through the tree in steps, so that a warp can look up between them which of its lanes are done.
 struct Traversal {
   Vec3 origin, direction;  // the ray in the space that it is in: the world's or an instance's
+  float time = 0;
   NodeTest test;
-  Group nodes;             // where it goes on; the rest is on the stack
+  Group nodes;       // where it goes on; the rest is on the stack
+  Group primitives;  // of the last node, still to be tested: one a step, so that lanes with many do not hold up a warp
   int top = 0, floor = 0;  // stack height; that at which the current instance ends
   uint32_t instance = Hit::kNone;
   bool any = false;  // any hit ends it
@@ -155,42 +205,38 @@ struct Traversal {
     any = any_hit;
     hit = Hit{};
     hit.t = ray.t_max;
+    time = ray.time;
     nodes = {0, 0x80000000u};
+    primitives = {0, 0};
     set_ray(ray.origin, ray.direction);
   }
-  // Visits one node and its primitives. Returns false when the way has ended: `hit` is then the nearest hit (any: some
-  // hit), if there is one. `stack`: kTraversalStack entries, the same at every step.
-  DST_HD bool step(const GeometryView& g, const Ray& ray, Group* stack) {
-    Group primitives{0, 0};
-    if (nodes.has_nodes()) {
-      const int bit = highest_bit(nodes.bits);
-      const uint32_t slot = (static_cast<uint32_t>(bit) - 24) ^ test.octant;
-      const uint32_t index = nodes.base + static_cast<uint32_t>(count_bits(nodes.bits & 0xffu & ((1u << slot) - 1)));
-      nodes.bits &= ~(1u << bit);
-      if (nodes.has_nodes()) stack[top++] = nodes;
-      const Node8 node = load_wide(g.nodes + index);
-      const uint32_t hits = test.hits(node, hit.t);
-      nodes = {node.first_child, (hits & 0xff000000u) | node.inner_mask};
-      primitives = {node.first_leaf, hits & 0x00ffffffu};
-    } else {
-      primitives = nodes;
-      nodes = {0, 0};
+  // Goes on by a node, or a primitive of the last node, or both. Returns false when the way has ended: `hit` is then the
+  // nearest hit (any: some hit), if there is one. `world()` returns the ray that it was started with. `stack`:
+  // kTraversalStack entries, the same at every step.
+  template <class World>
+  DST_HD bool step(const GeometryView& g, const World& world, Group* stack) {
+    if (primitives.bits == 0) {
+      if (!nodes.has_nodes()) pop(world, stack);
+      if (nodes.has_nodes()) {
+        visit(g, stack);
+      } else {
+        primitives = nodes;
+        nodes.bits = 0;
+      }
     }
-    while (primitives.bits != 0) {
+    if (primitives.bits != 0) {
       const int bit = highest_bit(primitives.bits);
       primitives.bits &= ~(1u << bit);
       const uint32_t index = primitives.base + static_cast<uint32_t>(bit);
       const LeafPrimitive p = load_wide(g.leaves + index);
       if (p.kind() == PrimitiveKind::Instance) {
-        enter(g, ray, p.object, primitives, stack);
-        break;
-      }
-      if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, ray.time), &hit)) {
+        enter(g, world, p.object, stack);
+      } else if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, time), &hit)) {
         hit.instance = instance;
         if (any) return false;
       }
     }
-    return nodes.has_nodes() || pop(ray, stack);
+    return primitives.bits != 0 || nodes.has_nodes() || top != 0;
   }
 
  private:
@@ -199,26 +245,39 @@ struct Traversal {
     direction = d;
     test = NodeTest::make(o, d);
   }
+  DST_HD void visit(const GeometryView& g, Group* stack) {
+    const int bit = highest_bit(nodes.bits);
+    const uint32_t slot = (static_cast<uint32_t>(bit) - 24) ^ test.octant;
+    const uint32_t index = nodes.base + static_cast<uint32_t>(count_bits(nodes.bits & 0xffu & ((1u << slot) - 1)));
+    nodes.bits &= ~(1u << bit);
+    if (nodes.has_nodes()) stack[top++] = nodes;
+    const NodeWords node = NodeWords::load(g.nodes + index);
+    const uint32_t hits = test.hits(node, hit.t);
+    nodes = {node.first_child(), (hits & 0xff000000u) | node.inner_mask()};
+    primitives = {node.first_leaf(), hits & 0x00ffffffu};
+  }
   // Goes on inside an instance; what is left outside waits on the stack.
-  DST_HD void enter(const GeometryView& g, const Ray& ray, uint32_t index, Group primitives, Group* stack) {
+  template <class World>
+  DST_HD void enter(const GeometryView& g, const World& world, uint32_t index, Group* stack) {
     if (primitives.bits != 0) stack[top++] = primitives;
+    primitives.bits = 0;
     if (nodes.has_nodes()) stack[top++] = nodes;
     floor = top;
     instance = index;
     const Instance& it = g.instances[index];
-    const Transform to_local = it.local_at(ray.time);
+    const Transform to_local = it.local_at(time);
+    const Ray ray = world();
     set_ray(to_local.point(ray.origin), to_local.vector(ray.direction));
     nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
   }
-  DST_HD bool pop(const Ray& ray, const Group* stack) {
+  template <class World>
+  DST_HD void pop(const World& world, const Group* stack) {
     if (instance != Hit::kNone && top == floor) {
       instance = Hit::kNone;
-      floor = 0;
+      const Ray ray = world();
       set_ray(ray.origin, ray.direction);
     }
-    if (top == 0) return false;
     nodes = stack[--top];
-    return true;
   }
 };
 
@@ -229,7 +288,7 @@ DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
   Group stack[kTraversalStack];
   Traversal t;
   t.start(ray, kAny);
-  while (t.step(g, ray, stack)) {
+  while (t.step(g, [&] { return ray; }, stack)) {
   }
   *hit = t.hit;
   return hit->found();

@@ -44,7 +44,7 @@ struct Instance {
   DST_HD Transform local_at(float time) const { return moving ? moving_local_at(time) : to_local; }
 
  private:
-  DST_HD DST_COLD Transform moving_local_at(float time) const { return world_at(time).inverse(); }
+  DST_HD Transform moving_local_at(float time) const { return world_at(time).inverse(); }
 };
 
 struct Node8;

@@ -48,7 +48,7 @@ struct HostBlockTest {
 // safe_reciprocal of three lanes at once.
 inline HostNodeTest HostNodeTest::make(Vec3 o, Vec3 d) {
   HostNodeTest t;
-  const __m128 v = _mm_setr_ps(d.x, d.y, d.z, kInfinity), sign = _mm_set1_ps(-0.0f), tiny = _mm_set1_ps(1e-30f);
+  const __m128 v = _mm_setr_ps(d.x, d.y, d.z, kInfinity), sign = _mm_set1_ps(-0.0f), tiny = _mm_set1_ps(1e-20f);
   const __m128 is_tiny = _mm_cmplt_ps(_mm_andnot_ps(sign, v), tiny);
   t.origin = _mm_setr_ps(o.x, o.y, o.z, 0);
   t.reciprocal = _mm_div_ps(_mm_set1_ps(1.0f), _mm_blendv_ps(v, _mm_or_ps(tiny, _mm_and_ps(v, sign)), is_tiny));

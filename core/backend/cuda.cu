@@ -1,230 +1,45 @@
-// The CUDA backend: one persistent kernel in which every thread follows paths from camera to end, one after another
-// (path regeneration). The stages are those of integrate/path_tracer.h.
+// The CUDA backend: two kernels over the stages of integrate/path_tracer.h. The queue kernel (cuda_queues.cuh) is for simple
+// scenes, where it is the faster one (benches/LOG.md); the fused kernel (cuda_fused.cuh) for all others and for features.
 //
-// Work is handed out by a counter in items of kItemSamples samples of one pixel. A thread adds its samples up in shared
-// memory and the item's sums to the film by atomic additions: sums are exact (film/film.h), so their order is free, and the
-// picture's bits depend on nothing but the samples.
+// Both add samples to the film in device memory by atomic additions: sums are exact (film/film.h), so their order is free,
+// and the picture's bits depend on nothing but the samples.
 #include <dlfcn.h>
 
 #include <algorithm>
 #include <chrono>
+#include <mutex>
+#include <numeric>
 
 #include "backend/backend.h"
+#include "backend/cuda_fused.cuh"
+#include "backend/cuda_queues.cuh"
 #include "backend/device_scene.cuh"
-#include "integrate/path_tracer.h"
 
 namespace destello {
 
 namespace {
 
-constexpr int kThreads = 512;  // per block; one block fills a multiprocessor's registers
-constexpr uint32_t kItemSamples = 32;
-constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
-
-// Rays and hits go by value, so that what the caller keeps of them stays in registers.
-__device__ __noinline__ Hit closest_hit(const GeometryView& g, Ray ray) {
-  Hit hit;
-  hit.t = ray.t_max;
-  traverse_groups<false>(g, ray, &hit);
-  return hit;
-}
-__device__ __noinline__ bool any_hit(const GeometryView& g, Ray ray) {
-  Hit hit;
-  hit.t = ray.t_max;
-  return traverse_groups<true>(g, ray, &hit);
-}
-
-template <bool kSimpleScene>
-struct DeviceTracer {
-  static constexpr bool kSimple = kSimpleScene;
-  static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
-    *hit = closest_hit(g, ray);
-    return hit->found();
-  }
-  static __device__ bool any(const GeometryView& g, const Ray& ray, Hit*) { return any_hit(g, ray); }
-};
-
-struct KernelCounts {
-  unsigned long long next_item, rays, samples, nonfinite;
-};
-
-struct KernelParams {
-  SceneView scene;
-  RenderTask task;
-  FilmView film;
-  KernelCounts* counts;
-  uint32_t tile_columns, tile_rows;
-  uint64_t items;
-};
-
-// One item: a pixel and a range of its samples.
-struct Item {
-  uint32_t x = 0, y = 0, begin = 0, end = 0;
-  uint32_t sample = 0;  // the next one to start
-};
-
-// The next item for this lane; false when there are no more. Lanes that ask together get neighbouring pixels.
-__device__ bool next_item(const KernelParams& p, Item* item) {
-  for (;;) {
-    const unsigned mask = __activemask();
-    const int lane = static_cast<int>(threadIdx.x & 31u);
-    const int leader = __ffs(static_cast<int>(mask)) - 1;
-    unsigned long long base = 0;
-    if (lane == leader) base = atomicAdd(&p.counts->next_item, static_cast<unsigned long long>(__popc(mask)));
-    base = __shfl_sync(mask, base, leader);
-    const uint64_t i = base + static_cast<uint64_t>(__popc(mask & ((1u << lane) - 1u)));
-    if (i >= p.items) return false;
-    const uint32_t pixels = p.tile_columns * p.tile_rows * (kTileWidth * kTileHeight);
-    const uint32_t pixel = static_cast<uint32_t>(i % pixels), block = static_cast<uint32_t>(i / pixels);
-    const uint32_t tile = pixel / (kTileWidth * kTileHeight), in_tile = pixel % (kTileWidth * kTileHeight);
-    const Rect& c = p.task.crop;
-    item->x = c.x0 + tile % p.tile_columns * kTileWidth + in_tile % kTileWidth;
-    item->y = c.y0 + tile / p.tile_columns * kTileHeight + in_tile / kTileWidth;
-    if (item->x >= c.x1 || item->y >= c.y1) continue;
-    item->begin = item->sample = p.task.first_sample + block * kItemSamples;
-    item->end = item->begin + kItemSamples < p.task.last_sample ? item->begin + kItemSamples : p.task.last_sample;
-    return true;
-  }
-}
-
-// A thread's own sums, one column of shared memory each.
-struct ThreadSums {
-  double (*columns)[kThreads];
-  __device__ void clear(uint32_t channels) const {
-    for (uint32_t k = 0; k < channels; ++k) columns[k][threadIdx.x] = 0;
-  }
-  __device__ void operator()(uint32_t channel, float v) const {
-    columns[channel][threadIdx.x] += static_cast<double>(v);
-  }
-  __device__ void flush(double* pixel, uint32_t channels) const {
-#pragma unroll 1
-    for (uint32_t k = 0; k < channels; ++k) atomicAdd(pixel + k, columns[k][threadIdx.x]);
-  }
-};
-
-// Sums in the film itself: for features, where speed is not the point.
-struct GlobalSums {
-  double* pixel;
-  __device__ void operator()(uint32_t channel, float v) const { atomicAdd(pixel + channel, static_cast<double>(v)); }
-};
-
-// What a lane of the render kernel is about to do.
-enum class LaneState : uint32_t {
-  Start,   // its path has ended (or none has begun): take the next sample
-  Shadow,  // a shadow ray is under way
-  Path,    // the path's next segment is under way
-  Shade,   // the segment's hit is known
-  Done,    // no work is left
-};
-
-// Everything that one lane of the render kernel keeps.
-template <bool kSimple, bool kAovs>
-struct Lane {
-  using Tracer = DeviceTracer<kSimple>;
-
-  const KernelParams& p;
-  ThreadSums film;
-  unsigned rays = 0, samples = 0, nonfinite = 0;
-  Item item;
-  LaneState state = LaneState::Start;
-  Path path;
-  ShadowRay shadow;
-  SampleAovs aovs;
-  Traversal traversal;
-  Group stack[kTraversalStack];
-
-  __device__ Lane(const KernelParams& params, ThreadSums film_sums) : p(params), film(film_sums) {}
-
-  __device__ bool traversing() const { return state == LaneState::Shadow || state == LaneState::Path; }
-
-  __device__ void begin_segment() {
-    traversal.start(path.ray, false);
-    state = LaneState::Path;
-    ++rays;
-  }
-
-  __device__ void go_on() {
-    if (path.alive) {
-      begin_segment();
-    } else {
-      state = LaneState::Start;
-    }
-  }
-
-  // One node further. A shadow ray that ends is followed by the path's next segment at once.
-  __device__ void step() {
-    const bool is_shadow = kSimple && state == LaneState::Shadow;
-    if (traversal.step(p.scene.geometry, is_shadow ? shadow.ray : path.ray, stack)) return;
-    if (!is_shadow) {
-      state = LaneState::Shade;
-      return;
-    }
-    if (!traversal.hit.found()) path.radiance += shadow.contribution;
-    go_on();
-  }
-
-  __device__ void shade_hit() {
-    shade<Tracer>(p.scene, p.task.settings, traversal.hit, &path, &shadow, kAovs ? &aovs : nullptr);
-    if (shadow.wanted) {
-      ++rays;
-      if (kSimple) {
-        traversal.start(shadow.ray, true);
-        state = LaneState::Shadow;
-        return;
-      }
-      connect<Tracer>(p.scene, shadow, &path);
-    }
-    go_on();
-  }
-
-  __device__ void finish_sample() {
-    bool finite;
-    const Vec3 radiance = sample_radiance(p.task.settings, path, &finite);
-    ++samples;
-    if (!finite) ++nonfinite;
-    add_sample(radiance, path.filter_sign, film);
-    const uint64_t pixel = static_cast<uint64_t>(item.y) * p.film.width + item.x;
-    if (kAovs) {
-      add_aovs(aovs.albedo, aovs.normal, aovs.depth, GlobalSums{p.film.aovs + pixel * kAovChannels});
-      aovs = {};
-    }
-    if (item.sample < item.end) return;
-    film.flush(p.film.sums + pixel * kFilmChannels, kFilmChannels);
-  }
-
-  __device__ void start_sample() {
-    if (item.sample > item.begin) finish_sample();
-    if (item.sample == item.end) {
-      if (!next_item(p, &item)) {
-        state = LaneState::Done;
-        return;
-      }
-      film.clear(kFilmChannels);
-    }
-    path = generate(p.task.settings, p.task.camera_inside, item.x, item.y, item.sample++);
-    begin_segment();
-  }
-};
-
-// kSimple: SceneView::simple. kAovs: record features of the first hit.
-template <bool kSimple, bool kAovs>
-__global__ void __launch_bounds__(kThreads, 1) render_kernel(const __grid_constant__ KernelParams p) {
-  __shared__ double film_columns[kFilmChannels][kThreads];
-  Lane<kSimple, kAovs> lane(p, ThreadSums{film_columns});
-  for (;;) {
-    // All warps of the block start, trace and shade at the same time: they then read the same instructions, which do not
-    // all fit into the instruction cache (benches/LOG.md).
-    __syncthreads();
-    if (lane.state == LaneState::Start) lane.start_sample();
-    // The vote keeps the lanes together: left alone, they drift apart inside a step and run it several times over.
-    while (__any_sync(0xffffffffu, lane.traversing()))
-      if (lane.traversing()) lane.step();
-    if (__syncthreads_and(lane.state == LaneState::Done)) break;
-    if (lane.state == LaneState::Shade) lane.shade_hit();
-  }
-  atomicAdd(&p.counts->rays, static_cast<unsigned long long>(lane.rays));
-  atomicAdd(&p.counts->samples, static_cast<unsigned long long>(lane.samples));
-  if (lane.nonfinite != 0) atomicAdd(&p.counts->nonfinite, static_cast<unsigned long long>(lane.nonfinite));
+// For each leaf primitive the list that its hits go to: one for each of the commonest kinds of material, the last for the
+// rest. A type of material with textures is another kind than without: textures take time.
+std::vector<uint8_t> shade_classes(const Scene& scene) {
+  const SceneArrays& a = scene.arrays();
+  const auto kind_of = [&](const LeafPrimitive& p) {
+    const MaterialRecord& m = a.materials[a.objects[p.object].material];
+    const uint32_t end = m.surface_slot + kSurfaceSlots;
+    bool textured = false;
+    for (uint32_t i = m.first_slot; i < end && !textured; ++i) textured = a.slots[i].has_texture();
+    return m.type * 2 + (textured ? 1u : 0u);
+  };
+  constexpr uint32_t kKinds = 2 * Materials::size;
+  std::vector<uint32_t> uses(kKinds, 0), order(kKinds), kinds;
+  for (const LeafPrimitive& p : a.leaves) kinds.push_back(p.kind() == PrimitiveKind::Instance ? 0 : kind_of(p));
+  for (const uint32_t k : kinds) ++uses[k];
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t i, uint32_t j) { return uses[i] > uses[j]; });
+  std::vector<uint8_t> class_of(kKinds), out;
+  for (uint32_t i = 0; i < kKinds; ++i) class_of[order[i]] = static_cast<uint8_t>(std::min(i, kShadeClasses - 1));
+  for (const uint32_t k : kinds) out.push_back(class_of[k]);
+  return out;
 }
 
 class CudaBackend final : public Backend {
@@ -232,9 +47,13 @@ class CudaBackend final : public Backend {
   CudaBackend(const Scene& scene, int device) : device_(device) {
     check_cuda(cudaSetDevice(device), "choose the device");
     scene_ = std::make_unique<DeviceScene>(scene);
+    shade_class_ = DeviceBuffer<uint8_t>(shade_classes(scene));
     counts_ = DeviceBuffer<KernelCounts>(1);
     check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
                "ask for multiprocessors");
+    cudaFuncAttributes code{};
+    check_cuda(cudaFuncGetAttributes(&code, queue_kernel<true>), "ask for the kernel's architecture");
+    architecture_ = static_cast<uint32_t>(code.ptxVersion) * 10;
   }
 
   RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
@@ -246,8 +65,9 @@ class CudaBackend final : public Backend {
     if (aovs) check_cuda(cudaMemset(aovs_.data(), 0, pixels * kAovChannels * sizeof(double)), "clear the film");
     KernelParams p{scene_->view(),
                    task,
-                   {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, film.height},
+                   {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, pixels},
                    counts_.data(),
+                   shade_class_.data(),
                    0,
                    0,
                    0};
@@ -255,19 +75,22 @@ class CudaBackend final : public Backend {
     p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
     p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
     const RenderCounts total = launch_all(&p, cancel);
-    download(sums_, film.sums, pixels * kFilmChannels);
-    if (aovs) download(aovs_, film.aovs, pixels * kAovChannels);
+    download(sums_, film.sums, pixels, kFilmChannels);
+    if (aovs) download(aovs_, film.aovs, pixels, kAovChannels);
     return total;
   }
 
  private:
+  static constexpr size_t kPiece = 16384;  // pixels copied to the host at once
+  static_assert(kAovChannels <= kFilmChannels);
+
   // Launches of at most about kSliceSeconds each: between them a cancellation is noticed.
   static constexpr double kSliceSeconds = 0.05;
 
   RenderCounts launch_all(KernelParams* p, const std::atomic<bool>& cancel) const {
     RenderCounts total;
     const uint32_t last = p->task.last_sample;
-    uint32_t slice = kItemSamples;
+    uint32_t slice = kUnitSamples;
     while (p->task.first_sample < last && !cancel.load()) {
       p->task.last_sample = last - p->task.first_sample > slice ? p->task.first_sample + slice : last;
       const auto start = std::chrono::steady_clock::now();
@@ -279,27 +102,59 @@ class CudaBackend final : public Backend {
       total.device_seconds += seconds;
       p->task.first_sample = p->task.last_sample;
       const double grow = std::min(kSliceSeconds / std::max(seconds, 1e-6), 64.0);
-      slice = static_cast<uint32_t>(std::clamp(slice * grow / kItemSamples, 1.0, 65536.0)) * kItemSamples;
+      slice = static_cast<uint32_t>(std::clamp(slice * grow / kUnitSamples, 1.0, 65536.0)) * kUnitSamples;
     }
     return total;
   }
 
   KernelCounts launch(KernelParams* p) const {
-    const uint32_t blocks_of_samples = (p->task.last_sample - p->task.first_sample + kItemSamples - 1) / kItemSamples;
-    p->items = static_cast<uint64_t>(p->tile_columns) * p->tile_rows * (kTileWidth * kTileHeight) * blocks_of_samples;
+    static std::mutex one_at_a_time;  // kernel_params_memory is the device's
+    const std::lock_guard<std::mutex> lock(one_at_a_time);
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
-    const auto kernel = p->film.aovs != nullptr ? render_kernel<false, true>
-                        : p->scene.simple       ? render_kernel<true, false>
-                                                : render_kernel<false, false>;
-    int resident = 0;
-    check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kThreads, 0), "ask for the occupancy");
-    const uint64_t wanted = (p->items + kThreads - 1) / kThreads;
-    const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors_);
-    kernel<<<static_cast<unsigned>(std::min(wanted, fitting)), kThreads>>>(*p);
-    check_cuda(cudaGetLastError(), "launch the render kernel");
+    const uint64_t tiles = static_cast<uint64_t>(p->tile_columns) * p->tile_rows;
+    const uint32_t samples = p->task.last_sample - p->task.first_sample;
+    if (use_queues(*p)) {
+      p->items = tiles * ((samples + kUnitSamples - 1) / kUnitSamples);
+      if (lights_are_sampled(*p)) {
+        launch_kernel(queue_kernel<true>, *p, QueueBlock<true>::kThreads, queue_memory<true>(architecture_), p->items);
+      } else {
+        launch_kernel(queue_kernel<false>, *p, QueueBlock<false>::kThreads, queue_memory<false>(architecture_),
+                      p->items);
+      }
+    } else {
+      p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
+      launch_kernel(p->film.aovs != nullptr ? fused_kernel<true> : fused_kernel<false>, *p, kFusedThreads, 0,
+                    (p->items + kFusedThreads - 1) / kFusedThreads);
+    }
     KernelCounts n;
     check_cuda(cudaMemcpy(&n, counts_.data(), sizeof(n), cudaMemcpyDeviceToHost), "render");
     return n;
+  }
+
+  // The rule: queues where they can be used. They are two to four times as fast (benches/LOG.md).
+  static bool use_queues(const KernelParams& p) {
+    const bool can = p.scene.simple && p.film.aovs == nullptr;
+    if (p.task.execution == Execution::Queues && !can)
+      throw std::invalid_argument(
+          "execution 'queues': not for features (aov), nor for scenes with media, holes, mixtures or normal maps");
+    return can && p.task.execution != Execution::Fused;
+  }
+  static bool lights_are_sampled(const KernelParams& p) {
+    return p.task.settings.light_sampling != LightSampling::Bsdf &&
+           !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
+  }
+
+  // As many blocks as the device holds at once, but no more than have something to do.
+  void launch_kernel(void (*kernel)(), const KernelParams& p, uint32_t threads, size_t memory, uint64_t wanted) const {
+    check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(memory)),
+               "ask for shared memory");
+    int resident = 0;
+    check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, static_cast<int>(threads), memory),
+               "ask for the occupancy");
+    const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors_);
+    check_cuda(cudaMemcpyToSymbol(kernel_params_memory, &p, sizeof(p)), "set the kernel's parameters");
+    kernel<<<static_cast<unsigned>(std::min(wanted, fitting)), threads, memory>>>();
+    check_cuda(cudaGetLastError(), "launch the render kernel");
   }
 
   void reserve(size_t pixels, bool aovs) {
@@ -313,19 +168,36 @@ class CudaBackend final : public Backend {
     }
   }
 
-  void download(const DeviceBuffer<double>& from, double* to, size_t count) {
-    staging_.resize(count);
-    check_cuda(cudaMemcpy(staging_.data(), from.data(), count * sizeof(double), cudaMemcpyDeviceToHost),
-               "copy the film");
-    for (size_t i = 0; i < count; ++i) to[i] += staging_[i];
+  // Adds planes of one channel each to pixels with all their channels: in pieces, one being added while the next arrives.
+  void download(const DeviceBuffer<double>& from, double* to, size_t pixels, uint32_t channels) {
+    if (staging_[0].data() == nullptr)
+      for (PinnedBuffer& s : staging_) s = PinnedBuffer(kPiece * kFilmChannels);
+    const auto fetch = [&](size_t first) {
+      if (first >= pixels) return;
+      check_cuda(cudaMemcpy2DAsync(staging_[first / kPiece % 2].data(), kPiece * sizeof(double), from.data() + first,
+                                   pixels * sizeof(double), std::min(kPiece, pixels - first) * sizeof(double), channels,
+                                   cudaMemcpyDeviceToHost),
+                 "copy the film");
+    };
+    fetch(0);
+    for (size_t first = 0; first < pixels; first += kPiece) {
+      check_cuda(cudaStreamSynchronize(nullptr), "copy the film");
+      fetch(first + kPiece);
+      const double* piece = staging_[first / kPiece % 2].data();
+      double* out = to + first * channels;
+      for (size_t i = 0; i < std::min(kPiece, pixels - first); ++i)
+        for (uint32_t k = 0; k < channels; ++k) out[i * channels + k] += piece[k * kPiece + i];
+    }
   }
 
   int device_;
   int multiprocessors_ = 1;
+  uint32_t architecture_ = 0;  // that the kernels were compiled for, 10 * compute capability
   std::unique_ptr<DeviceScene> scene_;
   DeviceBuffer<KernelCounts> counts_;
+  DeviceBuffer<uint8_t> shade_class_;
   DeviceBuffer<double> sums_, aovs_;
-  std::vector<double> staging_;
+  PinnedBuffer staging_[2];
 };
 
 }  // namespace

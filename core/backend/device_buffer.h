@@ -61,4 +61,24 @@ class DeviceBuffer {
   size_t size_ = 0;
 };
 
+// Host memory that the device copies to at full speed and in the background. Moves, does not copy.
+class PinnedBuffer {
+ public:
+  PinnedBuffer() = default;
+  explicit PinnedBuffer(size_t doubles) {
+    check_cuda(cudaMallocHost(reinterpret_cast<void**>(&data_), doubles * sizeof(double)), "allocate pinned memory");
+  }
+  PinnedBuffer(PinnedBuffer&& other) noexcept : data_(std::exchange(other.data_, nullptr)) {}
+  PinnedBuffer& operator=(PinnedBuffer&& other) noexcept {
+    std::swap(data_, other.data_);
+    return *this;
+  }
+  ~PinnedBuffer() { cudaFreeHost(data_); }
+
+  double* data() const { return data_; }
+
+ private:
+  double* data_ = nullptr;
+};
+
 }  // namespace destello

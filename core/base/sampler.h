@@ -45,6 +45,21 @@ DST_FN constexpr float to_unit_float(uint32_t bits) {
   return static_cast<float>(static_cast<int32_t>(bits >> 8)) * 0x1p-24f;
 }
 
+// A number of one dimension, by a sampler's key and reversed index. By value: a caller's sampler stays in registers.
+DST_FN DST_COLD DST_HOT float sobol_1d(uint32_t key, uint32_t reversed_index, uint32_t dimension) {
+  const uint32_t seed = hash_combine(key, dimension);
+  const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
+  return to_unit_float(reverse_bits(owen_scramble_reversed(i, hash32(seed))));
+}
+// The same for a point in the unit square.
+DST_FN DST_COLD DST_HOT Vec2 sobol_2d(uint32_t key, uint32_t reversed_index, uint32_t dimension) {
+  const uint32_t seed = hash_combine(key, dimension);
+  const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
+  const uint32_t seed_x = hash32(seed), seed_y = hash32(seed_x);
+  return {to_unit_float(reverse_bits(owen_scramble_reversed(i, seed_x))),
+          to_unit_float(reverse_bits(owen_scramble_reversed(sobol_y_reversed(i), seed_y)))};
+}
+
 struct Sampler {
   uint32_t key = 0;             // hash of (seed, pixel)
   uint32_t reversed_index = 0;  // sample index, bits reversed
@@ -54,19 +69,9 @@ struct Sampler {
       : key(hash_combine(hash32(seed ^ 0x68bc21ebU), pixel)), reversed_index(reverse_bits(sample)) {}
 
   // A number in [0, 1) for one dimension.
-  DST_HD DST_COLD DST_HOT float get_1d(uint32_t dimension) const {
-    const uint32_t seed = hash_combine(key, dimension);
-    const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
-    return to_unit_float(reverse_bits(owen_scramble_reversed(i, hash32(seed))));
-  }
+  DST_HD DST_HOT float get_1d(uint32_t dimension) const { return sobol_1d(key, reversed_index, dimension); }
   // A point in [0, 1)^2. It takes one dimension number, from the same space as get_1d's: never use one number for both.
-  DST_HD DST_COLD DST_HOT Vec2 get_2d(uint32_t dimension) const {
-    const uint32_t seed = hash_combine(key, dimension);
-    const uint32_t i = reverse_bits(owen_scramble_reversed(reversed_index, seed));
-    const uint32_t seed_x = hash32(seed), seed_y = hash32(seed_x);
-    return {to_unit_float(reverse_bits(owen_scramble_reversed(i, seed_x))),
-            to_unit_float(reverse_bits(owen_scramble_reversed(sobol_y_reversed(i), seed_y)))};
-  }
+  DST_HD DST_HOT Vec2 get_2d(uint32_t dimension) const { return sobol_2d(key, reversed_index, dimension); }
 };
 
 }  // namespace destello

@@ -58,10 +58,24 @@ DST_FN constexpr float length_squared(Vec3 a) { return dot(a, a); }
 DST_FN float length(Vec3 a) { return sqrtf(dot(a, a)); }
 DST_FN DST_HOT Vec3 normalize(Vec3 a) { return a * (1.0f / length(a)); }
 
-DST_FN constexpr float min(float a, float b) { return a < b ? a : b; }
-DST_FN constexpr float max(float a, float b) { return a > b ? a : b; }
+// On the device one instruction each; the comparison would take two, because of what it does with NaN.
+DST_FN constexpr float min(float a, float b) {
+#if DST_ON_DEVICE
+  return fminf(a, b);
+#else
+  return a < b ? a : b;
+#endif
+}
+DST_FN constexpr float max(float a, float b) {
+#if DST_ON_DEVICE
+  return fmaxf(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
 DST_FN constexpr int min(int a, int b) { return a < b ? a : b; }
 DST_FN constexpr int max(int a, int b) { return a > b ? a : b; }
+DST_FN constexpr uint32_t min(uint32_t a, uint32_t b) { return a < b ? a : b; }
 DST_FN constexpr float clamp(float x, float lo, float hi) { return min(max(x, lo), hi); }
 DST_FN constexpr int clamp(int x, int lo, int hi) { return min(max(x, lo), hi); }
 DST_FN constexpr float saturate(float x) { return clamp(x, 0.0f, 1.0f); }

@@ -48,20 +48,8 @@ struct Dielectric {
   DST_HD bool is_matched() const { return fabsf(eta - 1.0f) < (ggx.smooth() ? 1e-5f : 1e-3f); }
   DST_HD bool is_delta() const { return ggx.smooth() || is_matched(); }
 
-  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const {
-    Facet f;
-    if (is_delta() || !facet(wo, wi, f)) return Vec3(0);
-    const float common = ggx.d(f.h) * ggx.g2_over_4cos2(wo, wi) * fabsf(wi.z);
-    if (wi.z > 0) return reflection_tint * (f.reflectance * common);
-    // 4 |wo.h| |wi.h| eta^2 / (wo.h + eta wi.h)^2, times 1/eta^2 for radiance
-    return tint * ((1.0f - f.reflectance) * common * 4.0f * f.cos_o * f.cos_i / sqr(f.cos_o - eta * f.cos_i));
-  }
-  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const {
-    Facet f;
-    if (is_delta() || !facet(wo, wi, f)) return 0;
-    const float reflected = ggx.reflected_pdf(wo, f.h), pick = pick_reflection(f.reflectance);
-    return wi.z > 0 ? pick * reflected : (1.0f - pick) * reflected * refraction_jacobian(f.cos_o, f.cos_i);
-  }
+  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const { return is_delta() ? Vec3(0) : rough_eval(*this, wo, wi); }
+  DST_HD float pdf(Vec3 wo, Vec3 wi) const { return is_delta() ? 0.0f : rough_pdf(*this, wo, wi); }
   DST_HD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const {
     if (is_matched()) return {-wo, tint, 1, kTransmission | kDelta | kStraight, eta};
     const bool smooth = ggx.smooth();
@@ -93,6 +81,21 @@ struct Dielectric {
     Vec3 h;
     float cos_o, cos_i, reflectance;
   };
+  // By value: what the callers have of it stays in registers.
+  DST_HD DST_COLD static Vec3 rough_eval(Dielectric d, Vec3 wo, Vec3 wi) {
+    Facet f;
+    if (!d.facet(wo, wi, f)) return Vec3(0);
+    const float common = d.ggx.d(f.h) * d.ggx.g2_over_4cos2(wo, wi) * fabsf(wi.z);
+    if (wi.z > 0) return d.reflection_tint * (f.reflectance * common);
+    // 4 |wo.h| |wi.h| eta^2 / (wo.h + eta wi.h)^2, times 1/eta^2 for radiance
+    return d.tint * ((1.0f - f.reflectance) * common * 4.0f * f.cos_o * f.cos_i / sqr(f.cos_o - d.eta * f.cos_i));
+  }
+  DST_HD DST_COLD static float rough_pdf(Dielectric d, Vec3 wo, Vec3 wi) {
+    Facet f;
+    if (!d.facet(wo, wi, f)) return 0;
+    const float reflected = d.ggx.reflected_pdf(wo, f.h), pick = d.pick_reflection(f.reflectance);
+    return wi.z > 0 ? pick * reflected : (1.0f - pick) * reflected * d.refraction_jacobian(f.cos_o, f.cos_i);
+  }
   DST_HD bool facet(Vec3 wo, Vec3 wi, Facet& f) const {
     if (wi.z == 0) return false;
     if (wi.z > 0) {

@@ -32,8 +32,10 @@ struct Diffuse {
 
  private:
   // The BRDF times pi.
-  DST_HD Vec3 value(Vec3 wo, Vec3 wi) const { return roughness == 0 ? reflectance : rough_value(wo, wi); }
-  DST_HD DST_COLD Vec3 rough_value(Vec3 wo, Vec3 wi) const {
+  DST_HD Vec3 value(Vec3 wo, Vec3 wi) const { return roughness == 0 ? reflectance : rough(*this, wo, wi); }
+  // By value: what the callers have of it stays in registers.
+  DST_HD DST_COLD static Vec3 rough(Diffuse d, Vec3 wo, Vec3 wi) { return d.rough_value(wo, wi); }
+  DST_HD Vec3 rough_value(Vec3 wo, Vec3 wi) const {
     const float a = 1.0f / (1.0f + kC1 * roughness);
     const float s = dot(wo, wi) - wo.z * wi.z;
     const float single = a * (1.0f + roughness * (s > 0 ? s / max(wo.z, wi.z) : s));
