@@ -174,8 +174,10 @@ def test_info_devices_scenes_version_help():
     assert "cpu" in done.stdout
     assert "auto is " in done.stdout
     assert json.loads(run("devices", "--json").stdout)["devices"][0]["name"] == "cpu"
-    listed = {line.split()[0] for line in run("scenes").stdout.splitlines()}
-    assert listed == set(dl.scenes.names())
+    books, benchmarks = run("scenes").stdout.split("\n\nFor destello bench:\n")
+    assert [line.split()[0] for line in books.splitlines()] == dl.scenes.names()
+    assert [line.split()[0] for line in benchmarks.splitlines()] == list(dl.scenes.describe_benchmarks())
+    assert json.loads(run("scenes", "--json").stdout).keys() == {*dl.scenes.names(), *dl.scenes.describe_benchmarks()}
     assert run("--version").stdout == f"destello {dl.__version__}\n"
     for command in ([], ["render"], ["info"], ["convert"]):
         done = run(*command, "--help")

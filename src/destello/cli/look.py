@@ -74,10 +74,13 @@ def scenes(json_: AsJson = False) -> None:
     """List the built-in scenes."""
     from destello import scenes as built_in
 
-    found = built_in.describe()
+    found, benchmarks = built_in.describe(), built_in.describe_benchmarks()
     if json_:
-        print(json.dumps(found, indent=2))
+        print(json.dumps(found | benchmarks, indent=2))
         return
-    width = max(map(len, found)) + 2
+    width = max(map(len, (*found, *benchmarks))) + 2
     for name, doc in found.items():
+        print(f"{name:<{width}}{doc}")
+    print("\nFor destello bench:")
+    for name, doc in benchmarks.items():
         print(f"{name:<{width}}{doc}")

@@ -61,7 +61,7 @@ def _load_existing(path: Path, options: LoadOptions) -> Scene:
 def _build(path: Path) -> Scene:
     """The built-in scene that `path` names."""
     scenes = import_module("destello.scenes")
-    names = list(scenes.names())
+    names = [*scenes.names(), *scenes.describe_benchmarks()]
     if str(path) in names:
         scene: Scene = scenes.build(str(path))
         return scene

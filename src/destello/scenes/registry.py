@@ -22,7 +22,16 @@ class Entry:
     build: Callable[[], Scene]
 
 
+@dataclass(frozen=True)
+class Benchmark:
+    """A scene that is there to be measured: one line about it, and the function that makes it with some `detail`."""
+
+    doc: str
+    build: Callable[[float], Scene]
+
+
 REGISTRY: dict[str, Entry] = {}
+BENCHMARKS: dict[str, Benchmark] = {}
 
 
 def scene(name: str, doc: str) -> Callable[[Callable[[], Scene]], Callable[[], Scene]]:
@@ -30,6 +39,16 @@ def scene(name: str, doc: str) -> Callable[[Callable[[], Scene]], Callable[[], S
 
     def register(function: Callable[[], Scene]) -> Callable[[], Scene]:
         REGISTRY[name] = Entry(doc, function)
+        return function
+
+    return register
+
+
+def benchmark(name: str, doc: str) -> Callable[[Callable[[float], Scene]], Callable[[float], Scene]]:
+    """Registers the decorated function under `name`. It takes `detail`: the triangles wanted, as a factor (1: all)."""
+
+    def register(function: Callable[[float], Scene]) -> Callable[[float], Scene]:
+        BENCHMARKS[name] = Benchmark(doc, function)
         return function
 
     return register
