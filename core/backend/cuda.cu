@@ -82,7 +82,7 @@ class CudaBackend final : public Backend {
 
  private:
   static constexpr size_t kPiece = 16384;  // pixels copied to the host at once
-  static_assert(kAovChannels <= kFilmChannels);
+  static_assert(uint32_t{kAovChannels} <= uint32_t{kFilmChannels});
 
   // Launches of at most about kSliceSeconds each: between them a cancellation is noticed.
   static constexpr double kSliceSeconds = 0.05;
