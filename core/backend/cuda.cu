@@ -6,6 +6,7 @@
 #include <dlfcn.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <mutex>
 #include <numeric>
@@ -108,8 +109,8 @@ class CudaBackend final : public Backend {
   }
 
   KernelCounts launch(KernelParams* p) const {
-    static std::mutex one_at_a_time;  // kernel_params_memory is the device's
-    const std::lock_guard<std::mutex> lock(one_at_a_time);
+    static std::array<std::mutex, 64> one_at_a_time;  // for each device: kernel_params_memory is the device's
+    const std::lock_guard<std::mutex> lock(one_at_a_time.at(static_cast<size_t>(device_)));
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
     const uint64_t tiles = static_cast<uint64_t>(p->tile_columns) * p->tile_rows;
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
