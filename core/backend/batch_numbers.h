@@ -1,54 +1,79 @@
-// Random numbers for the paths of a batch, computed side by side: those that start them, and those of their bounces.
+// What the paths of a batch need that can be computed side by side: camera rays, and random numbers of their bounces.
 #pragma once
 
 #include "integrate/path_tracer.h"
 
 namespace destello {
 
-// As integrate/path_tracer.h's CameraNumbers.
-struct ReadyCameraNumbers {
-  Sampler sampler;
-  Vec2 filter_value, lens_value;
-  float time_value;
-
-  Vec2 filter() const { return filter_value; }
-  Vec2 lens() const { return lens_value; }
-  float time() const { return time_value; }
-};
-
-// Nothing here branches or calls, so that the compiler turns the loops into vector code.
+// The camera rays of a batch, as integrate/path_tracer.h's generate makes them one by one. Random numbers, the default
+// filter and the perspective camera neither branch nor call, so that the compiler turns the loops into vector code.
 template <uint32_t kCount>
-struct CameraNumbersBatch {
-  alignas(32) uint32_t pixel[kCount] = {}, sample[kCount] = {};  // to be set
+struct CameraBatch {
+  alignas(32) uint32_t x[kCount] = {}, y[kCount] = {}, sample[kCount] = {};  // to be set
   alignas(32) uint32_t key[kCount], reversed_index[kCount];
-  alignas(32) float filter_x[kCount], filter_y[kCount], lens_x[kCount], lens_y[kCount], time[kCount];
+  alignas(32) float film_x[kCount], film_y[kCount], sign[kCount], time[kCount];
+  alignas(32) float origin[3][kCount], direction[3][kCount];
 
-  void compute(uint32_t seed) {
+  void compute(const RenderSettings& settings) {
     for (uint32_t i = 0; i < kCount; ++i) {
-      const Sampler s(seed, pixel[i], sample[i]);
+      const Sampler s(settings.seed, y[i] * settings.width + x[i], sample[i]);
       key[i] = s.key;
       reversed_index[i] = s.reversed_index;
     }
-    points(kDimFilter, filter_x, filter_y);
-    points(kDimLens, lens_x, lens_y);
-    for (uint32_t i = 0; i < kCount; ++i) time[i] = at(i).get_1d(kDimTime);
+    points(kDimFilter);
+    settings.filter.visit([this](auto filter) { sample_film(filter); });
+    if (settings.camera.visit(HasLens{})) {
+      points(kDimLens);
+    } else {
+      for (uint32_t i = 0; i < kCount; ++i) u[i] = kNoLens.x, v[i] = kNoLens.y;
+    }
+    settings.camera.visit([this](auto camera) { make_rays(camera); });
+    const float time0 = settings.time0, time1 = settings.time1;
+    if (time1 > time0) {
+      for (uint32_t i = 0; i < kCount; ++i) time[i] = lerp(time0, time1, sampler(i).get_1d(kDimTime));
+    } else {
+      for (uint32_t i = 0; i < kCount; ++i) time[i] = time0;
+    }
   }
-  ReadyCameraNumbers operator[](uint32_t i) const {
-    return {at(i), {filter_x[i], filter_y[i]}, {lens_x[i], lens_y[i]}, time[i]};
-  }
-
- private:
-  Sampler at(uint32_t i) const {
+  Sampler sampler(uint32_t i) const {
     Sampler s;
     s.key = key[i];
     s.reversed_index = reversed_index[i];
     return s;
   }
-  void points(uint32_t dimension, float* x, float* y) const {
+  CameraRay ray(uint32_t i) const {
+    return {{origin[0][i], origin[1][i], origin[2][i]}, {direction[0][i], direction[1][i], direction[2][i]}};
+  }
+
+ private:
+  alignas(32) float u[kCount], v[kCount];
+
+  void points(uint32_t dimension) {
     for (uint32_t i = 0; i < kCount; ++i) {
-      const Vec2 p = at(i).get_2d(dimension);
-      x[i] = p.x;
-      y[i] = p.y;
+      const Vec2 p = sampler(i).get_2d(dimension);
+      u[i] = p.x;
+      v[i] = p.y;
+    }
+  }
+  // Filter and camera come as copies: the compiler sees that what is written here doesn't change them.
+  template <class F>
+  void sample_film(F filter) {
+    for (uint32_t i = 0; i < kCount; ++i) {
+      const FilterSample f = filter.sample({u[i], v[i]});
+      const Vec2 film = film_position(x[i], y[i], f.offset);
+      film_x[i] = film.x;
+      film_y[i] = film.y;
+      sign[i] = f.sign;
+    }
+  }
+  template <class C>
+  void make_rays(C camera) {
+    for (uint32_t i = 0; i < kCount; ++i) {
+      const CameraRay r = camera.generate({film_x[i], film_y[i]}, {u[i], v[i]});
+      for (int k = 0; k < 3; ++k) {
+        origin[k][i] = r.origin[k];
+        direction[k][i] = r.direction[k];
+      }
     }
   }
 };

@@ -34,9 +34,8 @@ struct Batch {
   Path paths[kBatch];
   Hit hits[kBatch];
   SampleAovs aovs[kBatch];
-  CameraNumbersBatch<kBatch> numbers;
+  CameraBatch<kBatch> camera;
   BounceNumbersBatch<kBatch> bounces;  // in the order of the paths alive
-  uint32_t x[kBatch], y[kBatch];
   uint32_t size = 0;
 };
 
@@ -59,11 +58,11 @@ template <class Tracer>
 void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView& film, Batch* batch,
                   uint64_t* counts) {
   uint32_t alive[kBatch], n = batch->size;
-  batch->numbers.compute(task.settings.seed);
+  batch->camera.compute(task.settings);
   for (uint32_t i = 0; i < n; ++i) {
     alive[i] = i;
-    new (&batch->paths[i])
-        Path(generate(task.settings, task.camera_inside, batch->x[i], batch->y[i], batch->numbers[i]));
+    new (&batch->paths[i]) Path(start_path(task.camera_inside, batch->camera.sampler(i), batch->camera.ray(i),
+                                           batch->camera.time[i], batch->camera.sign[i]));
     batch->aovs[i] = {};
   }
   for (bool first = true; n != 0; first = false) {
@@ -97,7 +96,7 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
     bool finite;
     const Vec3 radiance = sample_radiance(task.settings, batch->paths[i], &finite);
     if (!finite) ++counts[2];
-    const uint64_t pixel = static_cast<uint64_t>(batch->y[i]) * film.width + batch->x[i];
+    const uint64_t pixel = static_cast<uint64_t>(batch->camera.y[i]) * film.width + batch->camera.x[i];
     double* sums = film.sums + pixel * kFilmChannels;
     add_sample(radiance, batch->paths[i].filter_sign, [&](uint32_t k, float v) { sums[k] += static_cast<double>(v); });
     if (!task.settings.aovs) continue;
@@ -117,10 +116,9 @@ void render_tile(const SceneView& scene, const RenderTask& task, const FilmView&
     for (uint32_t x = rect[0]; x < rect[2]; ++x) {
       for (uint32_t s = task.first_sample; s < task.last_sample; ++s) {
         const uint32_t i = batch.size++;
-        batch.x[i] = x;
-        batch.y[i] = y;
-        batch.numbers.pixel[i] = y * task.settings.width + x;
-        batch.numbers.sample[i] = s;
+        batch.camera.x[i] = x;
+        batch.camera.y[i] = y;
+        batch.camera.sample[i] = s;
         if (batch.size < kBatch) continue;
         if (cancel.load(std::memory_order_relaxed)) return;
         finish_batch<Tracer>(scene, task, film, &batch, counts);

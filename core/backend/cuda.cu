@@ -1,5 +1,5 @@
-// The CUDA backend: two kernels over the stages of integrate/path_tracer.h. The queue kernel (cuda_queues.cuh) is for simple
-// scenes, where it is the faster one (benches/LOG.md); the fused kernel (cuda_fused.cuh) for all others and for features.
+// The CUDA backend: two kernels over the stages of integrate/path_tracer.h, the queue kernel (cuda_queues.cuh) and the fused kernel
+// (cuda_fused.cuh). use_queues has the rule.
 //
 // Both add samples to the film in device memory by atomic additions: sums are exact (film/film.h), so their order is free,
 // and the picture's bits depend on nothing but the samples.
@@ -53,7 +53,7 @@ class CudaBackend final : public Backend {
     check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
                "ask for multiprocessors");
     cudaFuncAttributes code{};
-    check_cuda(cudaFuncGetAttributes(&code, queue_kernel<true>), "ask for the kernel's architecture");
+    check_cuda(cudaFuncGetAttributes(&code, fused_kernel<true>), "ask for the kernel's architecture");
     architecture_ = static_cast<uint32_t>(code.ptxVersion) * 10;
   }
 
@@ -116,11 +116,12 @@ class CudaBackend final : public Backend {
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
     if (use_queues(*p)) {
       p->items = tiles * ((samples + kUnitSamples - 1) / kUnitSamples);
-      if (lights_are_sampled(*p)) {
-        launch_kernel(queue_kernel<true>, *p, QueueBlock<true>::kThreads, queue_memory<true>(architecture_), p->items);
+      if (!p->scene.simple) {
+        launch_queues<true, false>(*p);
+      } else if (lights_are_sampled(*p)) {
+        launch_queues<true, true>(*p);
       } else {
-        launch_kernel(queue_kernel<false>, *p, QueueBlock<false>::kThreads, queue_memory<false>(architecture_),
-                      p->items);
+        launch_queues<false, true>(*p);
       }
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
@@ -132,17 +133,23 @@ class CudaBackend final : public Backend {
     return n;
   }
 
-  // The rule: queues where they can be used. They are two to four times as fast (benches/LOG.md).
+  // Queues are about twice as fast; but where shadow rays pass through things, a third slower (benches/LOG.md).
   static bool use_queues(const KernelParams& p) {
-    const bool can = p.scene.simple && p.film.aovs == nullptr;
+    const bool can = p.film.aovs == nullptr && p.scene.clear_shadows;
     if (p.task.execution == Execution::Queues && !can)
       throw std::invalid_argument(
-          "execution 'queues': not for features (aov), nor for scenes with media, holes, mixtures or normal maps");
+          "execution 'queues': not for features (aov), nor for scenes whose shadow rays pass media or holes");
     return can && p.task.execution != Execution::Fused;
   }
   static bool lights_are_sampled(const KernelParams& p) {
     return p.task.settings.light_sampling != LightSampling::Bsdf &&
            !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
+  }
+
+  template <bool kShadows, bool kSimple>
+  void launch_queues(const KernelParams& p) const {
+    launch_kernel(queue_kernel<kShadows, kSimple>, p, QueueBlock<kShadows, kSimple>::kThreads,
+                  queue_memory<kShadows>(architecture_), p.items);
   }
 
   // As many blocks as the device holds at once, but no more than have something to do.

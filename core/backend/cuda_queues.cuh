@@ -5,7 +5,8 @@
 //   advance  in warps full of slots that need the same: shades what has been hit, a list for each kind of material; ends
 //            samples whose path has ended or left the scene, adds them to the film and takes the next samples
 //
-// For simple scenes (SceneView::simple).
+// For scenes in which any hit ends a shadow ray (SceneView::clear_shadows): through media and holes it would need materials
+// on its way, and following it while shading makes this kernel slower than the fused one (benches/LOG.md).
 #pragma once
 
 #include "backend/cuda_params.cuh"
@@ -71,11 +72,8 @@ inline constexpr uint32_t kArchitecture = __CUDA_ARCH__;
 inline constexpr uint32_t kArchitecture = 900;  // for the host's eyes only
 #endif
 
-struct QueueTracer {
-  static constexpr bool kSimple = true;
-};
-
-template <bool kShadows>
+// kSimpleScene: SceneView::simple.
+template <bool kShadows, bool kSimpleScene>
 class QueueBlock {
  public:
   // More threads share the registers where shading is short.
@@ -102,6 +100,9 @@ class QueueBlock {
   }
 
  private:
+  struct Tracer {
+    static constexpr bool kSimple = kSimpleScene;
+  };
   using Layout = QueueLayout<kShadows, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;
   using Slots = destello::Slots<kSlots>;
@@ -248,7 +249,7 @@ class QueueBlock {
     const KernelParams& p = kernel_params();
     Path path = Slots::load_path(slot);
     ShadowRay shadow;
-    shade<QueueTracer>(p.scene, p.task.settings, Slots::load_hit(slot), &path, &shadow, nullptr);
+    shade<Tracer>(p.scene, p.task.settings, Slots::load_hit(slot), &path, &shadow, nullptr);
     Slots::store_path(slot, path);
     if (path.alive) push_ray(turn ^ 1, slot);
     if (kShadows && shadow.wanted) {
@@ -313,9 +314,9 @@ class QueueBlock {
   }
 };
 
-template <bool kShadows>
-__global__ void __launch_bounds__(QueueBlock<kShadows>::kThreads, kQueueBlocks) queue_kernel() {
-  QueueBlock<kShadows>().run();
+template <bool kShadows, bool kSimpleScene>
+__global__ void __launch_bounds__(QueueBlock<kShadows, kSimpleScene>::kThreads, kQueueBlocks) queue_kernel() {
+  QueueBlock<kShadows, kSimpleScene>().run();
 }
 
 }  // namespace destello

@@ -17,7 +17,7 @@ struct GaussianFilter {
                                      .unit("px"));
 
   void prepare() {}
-  DST_HD FilterSample sample(Vec2 u) const { return {square_to_normal(u) * sigma, 1.0f}; }
+  DST_HD DST_HOT FilterSample sample(Vec2 u) const { return {square_to_normal(u) * sigma, 1.0f}; }
   DST_HD float eval(Vec2 d) const { return expf(-0.5f * dot(d, d) / (sigma * sigma)); }
 };
 

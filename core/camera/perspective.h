@@ -43,10 +43,10 @@ struct PerspectiveCamera {
     scale = tanf(vfov * (kPi / 360.0f)) / center.y;
   }
 
-  DST_HD CameraRay generate(Vec2 film, Vec2 lens) const {
+  DST_HD DST_HOT CameraRay generate(Vec2 film, Vec2 lens) const {
     const Vec3 d = axes.forward + axes.right * ((film.x - center.x) * scale) + axes.up * ((center.y - film.y) * scale);
     if (aperture_radius == 0) return {origin, normalize(d)};
-    const Vec2 l = square_to_disk(lens) * aperture_radius;
+    const Vec2 l = square_to_disk<true>(lens) * aperture_radius;
     const Vec3 offset = axes.right * l.x + axes.up * l.y;
     return {origin + offset, normalize(d * focus_distance - offset)};
   }

@@ -13,26 +13,22 @@
 
 namespace destello {
 
-// The random numbers that start a path. A backend may pass another type with the same members that has them ready.
-struct CameraNumbers {
-  Sampler sampler;
-
-  DST_HD Vec2 filter() const { return sampler.get_2d(kDimFilter); }
-  DST_HD Vec2 lens() const { return sampler.get_2d(kDimLens); }
-  DST_HD float time() const { return sampler.get_1d(kDimTime); }
+// Does a camera ask for a point on its lens?
+struct HasLens {
+  template <class C>
+  DST_HD bool operator()(const C& camera) const {
+    if constexpr (requires { camera.aperture_radius; }) return camera.aperture_radius > 0;
+    return false;
+  }
 };
+inline constexpr Vec2 kNoLens{0.5f, 0.5f};
 
-template <class Numbers>
 struct GenerateCamera {
   Vec2 film;
-  const Numbers& numbers;
+  const Sampler& sampler;
   template <class C>
   DST_HD CameraRay operator()(const C& camera) const {
-    Vec2 lens{0.5f, 0.5f};
-    if constexpr (requires { camera.aperture_radius; }) {
-      if (camera.aperture_radius > 0) lens = numbers.lens();
-    }
-    return camera.generate(film, lens);
+    return camera.generate(film, HasLens{}(camera) ? sampler.get_2d(kDimLens) : kNoLens);
   }
 };
 struct SampleFilter {
@@ -43,29 +39,37 @@ struct SampleFilter {
   }
 };
 
+// Where on the film the sample of a pixel lies whose filter has drawn this offset.
+DST_FN DST_HOT Vec2 film_position(uint32_t x, uint32_t y, Vec2 offset) {
+  return {static_cast<float>(static_cast<int32_t>(x)) + 0.5f + offset.x,
+          static_cast<float>(static_cast<int32_t>(y)) + 0.5f + offset.y};
+}
+
 // --- stage: generate --------------------------------------------------------------------------------------------------
 
-// Starts the path of one sample of pixel (x, y). Next: trace.
-template <class Numbers>
-DST_FN Path generate(const RenderSettings& settings, const InteriorStack& camera_inside, uint32_t x, uint32_t y,
-                     const Numbers& numbers) {
+// The path of one sample, from its camera ray. Next: trace.
+DST_FN Path start_path(const InteriorStack& camera_inside, const Sampler& sampler, const CameraRay& ray, float time,
+                       float filter_sign) {
   Path path;
-  path.sampler = numbers.sampler;
-  const FilterSample f = settings.filter.visit(SampleFilter{numbers.filter()});
-  const Vec2 film{static_cast<float>(x) + 0.5f + f.offset.x, static_cast<float>(y) + 0.5f + f.offset.y};
-  const CameraRay r = settings.camera.visit(GenerateCamera<Numbers>{film, numbers});
-  path.ray.origin = r.origin;
-  path.ray.direction = r.direction;
-  path.ray.time = settings.time0;
-  if (settings.time1 > settings.time0) path.ray.time = lerp(settings.time0, settings.time1, numbers.time());
-  path.filter_sign = f.sign;
+  path.sampler = sampler;
+  path.ray.origin = ray.origin;
+  path.ray.direction = ray.direction;
+  path.ray.time = time;
+  path.filter_sign = filter_sign;
   path.bsdf_pdf = kInfinity;
   path.inside = camera_inside;
   return path;
 }
+
+// Starts the path of one sample of pixel (x, y). Next: trace.
 DST_FN Path generate(const RenderSettings& settings, const InteriorStack& camera_inside, uint32_t x, uint32_t y,
                      uint32_t sample) {
-  return generate(settings, camera_inside, x, y, CameraNumbers{Sampler(settings.seed, y * settings.width + x, sample)});
+  const Sampler sampler(settings.seed, y * settings.width + x, sample);
+  const FilterSample f = settings.filter.visit(SampleFilter{sampler.get_2d(kDimFilter)});
+  const CameraRay ray = settings.camera.visit(GenerateCamera{film_position(x, y, f.offset), sampler});
+  float time = settings.time0;
+  if (settings.time1 > time) time = lerp(time, settings.time1, sampler.get_1d(kDimTime));
+  return start_path(camera_inside, sampler, ray, time, f.sign);
 }
 
 // --- stage: trace -----------------------------------------------------------------------------------------------------

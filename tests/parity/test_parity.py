@@ -16,7 +16,7 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media"]
+SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures"]
 
 
 def everything() -> dl.Scene:
@@ -46,8 +46,22 @@ def everything() -> dl.Scene:
     return s
 
 
+def opaque() -> dl.Scene:
+    """The same without what shadow rays pass through, with a normal map: not simple, but for the queue kernel."""
+    s = everything()
+    bumps = np.full((8, 8, 3), 0.5, np.float32) + 0.3 * np.random.default_rng(3).random((8, 8, 3), np.float32) - 0.15
+    bumps[..., 2] = 1
+    bumpy = dl.materials.diffuse(reflectance=(0.3, 0.6, 0.3), normal_map=dl.textures.image(bumps, color_space="linear"))
+    s.shapes = [shape for shape in s.shapes if shape.type != "instance" and shape["material"].type != "interface"]
+    s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=bumpy))
+    return s
+
+
+MADE = {"textures and media": everything, "normal maps and mixtures": opaque}
+
+
 def compiled(name: str) -> tuple[Any, dict[str, Any], int]:
-    scene = everything() if name == "textures and media" else scenes.build(name)
+    scene = MADE[name]() if name in MADE else scenes.build(name)
     settings = {
         "seed": 7,
         "max_depth": min(scene.render.max_depth, 12),
@@ -65,7 +79,7 @@ def film(
     parts: tuple[int, ...] = (0, SPP),
     features: bool = False,
 ) -> Any:
-    """With `features` CUDA takes the fused kernel, without the queue kernel if the scene is simple enough for it."""
+    """With `features` CUDA takes the fused kernel, without the queue kernel."""
     renderer = _core.Renderer(core, device)
     total = _core.Film(WIDTH, height, features)
     for first, last in itertools.pairwise(parts):
@@ -102,10 +116,10 @@ def test_bits_do_not_depend_on_the_split(name: str) -> None:
         assert np.array_equal(whole[key], again[key])
 
 
-SIMPLE = [n for n in scenes.names() if n not in ("book2", "cornell-smoke")]  # neither media nor holes
+CLEAR = [n for n in scenes.names() if n not in ("book2", "cornell-smoke")]  # shadow rays pass neither media nor holes
 
 
-@pytest.mark.parametrize("name", SIMPLE)
+@pytest.mark.parametrize("name", [*CLEAR, "normal maps and mixtures"])
 def test_queues_and_fused_render_the_same(name: str) -> None:
     """The same stages on the same numbers; but the compiler may fuse other multiplications and additions in each."""
     core, settings, height = compiled(name)
@@ -120,10 +134,12 @@ def test_queues_and_fused_render_the_same(name: str) -> None:
     assert (difference / deviation).max() < z_threshold(difference.size)
 
 
-def test_queues_are_for_simple_scenes() -> None:
-    core, settings, height = compiled("cornell-smoke")
-    with pytest.raises(ValueError, match="execution 'queues'"):
-        film(core, "cuda:0", height, {**settings, "execution": "queues"})
+def test_queues_are_for_opaque_shadows_without_features() -> None:
+    for name, features in (("cornell", True), ("cornell-smoke", False)):
+        core, settings, height = compiled(name)
+        with pytest.raises(ValueError, match="execution 'queues'"):
+            film(core, "cuda:0", height, {**settings, "execution": "queues"}, features=features)
+    core, settings, height = compiled("cornell")
     with pytest.raises(ValueError, match="expected auto, fused or queues"):
         film(core, "cuda:0", height, {**settings, "execution": "quickly"})
 
