@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from destello import __version__
 from destello.cli import options as o
 from destello.errors import InputError, did_you_mean
 
@@ -115,23 +108,32 @@ class _Bench:
 
     def all(self) -> None:
         """Measures scene after scene; prints the table, and keeps the file of figures up to date."""
-        figures = {**_about(self.device, self.threads), "quick": self.quick, "results": []}
+        from destello.machine import about
+
+        machine = about(self.device, self.threads)
+        figures: dict[str, Any] = {"program": "destello bench", **machine, "quick": self.quick, "results": []}
         self._say(f"device: {self.device.name} ({self.device.label}), because: {self.device.reason}")
         table = self.json_file != "-"
         if table:
             print(_HEAD, flush=True)
-        for i, name in enumerate(self.names):
-            result = self._measure(name, f"[{i + 1}/{len(self.names)}] {name}: ")
-            figures["results"].append(result)
-            if table:
-                print(_row(result), flush=True)
-            if self.json_file is not None and table:
-                from destello.image_file import replacing
+        try:
+            for i, name in enumerate(self.names):
+                result = self._measure(name, f"[{i + 1}/{len(self.names)}] {name}: ")
+                figures["results"].append(result)
+                if table:
+                    print(_row(result), flush=True)
+                    self._keep(figures)
+        finally:
+            if not table:
+                print(json.dumps(figures, indent=2))
 
-                with replacing(Path(self.json_file)) as aside:
-                    aside.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-        if not table:
-            print(json.dumps(figures, indent=2))
+    def _keep(self, figures: dict[str, Any]) -> None:
+        """Writes the file of figures, if there is to be one."""
+        if self.json_file is not None:
+            from destello.image_file import replacing
+
+            with replacing(Path(self.json_file)) as aside:
+                aside.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 
     def _say(self, line: str) -> None:
         if not self.quiet:
@@ -184,47 +186,3 @@ def _error_words(result: dict[str, Any]) -> str:
     if result["seconds_to_error"] is None:
         return f"{target} not reached with {result['reference_spp'] // 2} spp"
     return f"{result['seconds_to_error']:.3g} ({result['spp_to_error']:.3g} spp to {target})"
-
-
-def _about(device: Device, threads: int) -> dict[str, Any]:
-    """What the figures depend on besides the scene: device, driver, versions, date."""
-    import numpy as np
-
-    from destello import device as devices
-
-    detail = next((str(d.get("detail") or "") for d in devices.devices() if d["name"] == device.name), "")
-    return {
-        "program": "destello bench",
-        "version": __version__,
-        "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "device": device.label,
-        "device_name": device.name,
-        "device_detail": detail,
-        "driver": _driver() if device.kind == "cuda" else None,
-        "cpu": _cpu(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "threads": threads,
-        "system": f"{platform.system()} {platform.machine()}",
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
-
-
-def _driver() -> str | None:
-    """The NVIDIA driver's version, if it tells."""
-    command = ["nvidia-smi", "--query-gpu=driver_version", "--format=csv,noheader"]
-    with suppress(OSError, subprocess.SubprocessError):
-        done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=True)
-        return done.stdout.split("\n")[0].strip() or None
-    return None
-
-
-def _cpu() -> str:
-    """The processor as Linux calls it, else what Python knows."""
-    with suppress(OSError):
-        return next(_cpu_names(Path("/proc/cpuinfo").read_text(encoding="utf-8")), platform.machine())
-    return platform.processor() or platform.machine()
-
-
-def _cpu_names(text: str) -> Iterator[str]:
-    return (line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name"))

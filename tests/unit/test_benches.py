@@ -1,0 +1,155 @@
+"""The scripts in benches/: what they compare and measure, on tiny scenes. No times are judged."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import destello as dl
+
+BENCHES = Path(__file__).resolve().parents[2] / "benches"
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(f"benches_{name}", BENCHES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def run(name, *args):
+    command = [sys.executable, BENCHES / f"{name}.py", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+def lines(text):
+    return [json.loads(line) for line in text.splitlines()]
+
+
+# --- compare ----------------------------------------------------------------------------------------------------------
+
+ENTRY = {
+    "scene": "book1",
+    "size": [12, 8],
+    "spp": 4,
+    "device": "CPU",
+    "kernel_Msamples_s": 2.0,
+    "seconds_to_error": 1.0,
+}
+
+
+@pytest.fixture
+def files(tmp_path):
+    def write(*runs):
+        paths = [tmp_path / f"{i}.json" for i in range(len(runs))]
+        for path, text in zip(paths, runs, strict=True):
+            path.write_text(text if isinstance(text, str) else "\n".join(map(json.dumps, text)) + "\n")
+        return paths
+
+    return write
+
+
+def test_ratios_say_what_is_better_and_the_worst_comes_first(files):
+    after = {**ENTRY, "kernel_Msamples_s": 3.0, "seconds_to_error": 1.25}
+    done = run("compare", *files([ENTRY], [after]))
+    assert done.returncode == 0
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert [(row[0], row[1]) for row in rows] == [("0.800", "seconds_to_error"), ("1.500", "kernel_Msamples_s")]
+    assert rows[0][2:5] == ["1", "->", "1.25"]
+
+
+@pytest.mark.parametrize(("threshold", "code"), [(0.1, 1), (0.25, 0)])
+def test_threshold_decides_the_exit_code(files, threshold, code):
+    before, after = files([ENTRY], [{**ENTRY, "kernel_Msamples_s": 1.6}])
+    assert run("compare", before, after, "--threshold", threshold).returncode == code
+    assert run("compare", after, before, "--threshold", threshold).returncode == 0
+
+
+@pytest.mark.parametrize("change", [{"size": [13, 8]}, {"spp": 5}, {"device": "GPU"}, {"scene": "x"}, {"detail": 0.5}])
+def test_only_the_same_measurement_is_compared(files, change):
+    done = run("compare", *files([ENTRY], [{**ENTRY, **change}]))
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("only in") == 2
+    assert "no measurement in common" in done.stderr
+
+
+def test_files_of_destello_bench_are_understood(files):
+    module = script("compare")
+    whole = {"device": "CPU", "version": "1", "results": [{k: v for k, v in ENTRY.items() if k != "device"}]}
+    bench, plain = files(json.dumps(whole, indent=2), [ENTRY])
+    (ratio, other) = module.compare(module.read(bench), module.read(plain))
+    assert ratio.ratio == other.ratio == 1
+    done = run("compare", bench, bench)
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) == 2
+
+
+@pytest.mark.parametrize("text", ["", "no json", '{"scene": "a"}\n{', "[1, 2]", '{"results": 3}'])
+def test_files_without_measurements_are_refused(files, text):
+    done = run("compare", *files(text, [ENTRY]))
+    assert done.returncode == 2
+    assert done.stderr.startswith("compare.py: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert run("compare", "no-such-file", "no-such-file").returncode == 2
+
+
+# --- build and rays ---------------------------------------------------------------------------------------------------
+
+
+def test_build_reports_sizes(files):
+    done = run("build", "mesh1m:0.002", "book1", "--repeat", 1)
+    assert done.returncode == 0, done.stderr
+    mesh, spheres = lines(done.stdout)
+    assert (mesh["scene"], mesh["detail"], mesh["triangles"]) == ("mesh1m", 0.002, 2000)
+    assert mesh["bvh_nodes"] > 0
+    assert mesh["sah_cost"] > 1
+    assert mesh["build_seconds"] > 0
+    assert mesh["geometry_bytes_per_triangle"] > 36
+    assert spheres["bvh_bytes_per_triangle"] is None
+    assert mesh["device"] == "CPU"
+    assert "mesh1m:0.002: 2000 triangles" in done.stderr
+    (path,) = files(done.stdout)
+    assert run("compare", path, path).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["build", "rays"])
+def test_unknown_scenes_are_refused_in_one_line(name):
+    for entry in ("mesh1", "mesh1m:none", "mesh1m:-1"):
+        done = run(name, entry)
+        assert done.returncode == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert done.stderr.startswith(f"{name}.py: {entry}: ")
+
+
+def test_rays_of_every_kind():
+    done = run("rays", "interior:0.01", "--size", "16x9", "--repeat", 1)
+    assert done.returncode == 0, done.stderr
+    found = {entry["kind"]: entry for entry in lines(done.stdout)}
+    assert list(found) == ["primary", "ao", "bounce", "shuffled", "random"]
+    assert found["primary"]["count"] == 16 * 9
+    assert found["primary"]["hit"] == found["bounce"]["hit"] == found["shuffled"]["hit"] == 1  # the room is closed
+    assert 0 < found["ao"]["hit"] < 1
+    assert all(entry["Mrays_s"] > 0 and entry["binding_ns"] > 0 and entry["threads"] == 1 for entry in found.values())
+
+
+def test_camera_rays_are_the_cameras():
+    """Their mean distance is that of the renderer's depth layer."""
+    rays = script("rays")
+    scene = dl.scenes.build("mesh1m", 0.002)
+    core = scene.compile().core
+    found = rays.camera_rays(scene, 64, 36, np.random.default_rng(0))
+    hits = rays.trace(core, found, "simd")
+    hit = (hits["leaf"] >= 0).reshape(36, 64)
+    depth = dl.render(scene, size=(64, 36), spp=4, aov="depth", device="cpu", progress=False).aovs["depth"]
+    seen = np.isfinite(depth) & (depth > 0)
+    assert (seen == hit).mean() > 0.93  # but at the edges
+    both = hit & seen
+    assert np.median(np.abs(hits["t"].reshape(36, 64)[both] / depth[both] - 1)) < 0.05
