@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 namespace destello {
 
@@ -303,8 +305,13 @@ uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::v
       *stats = {};
       Collapser(binary, first_leaf, nodes, order).run(root, stats);
     }
-    if (stats->depth <= kMaxWideDepth) break;  // median splits halve, so the second round always ends here
+    if (stats->depth <= kMaxWideDepth) break;
   }
+  // Median splits halve: this takes more than ten million primitives of the most unfortunate sizes.
+  if (stats->depth > kMaxWideDepth)
+    throw std::length_error("the tree over " + std::to_string(boxes.size()) + " primitives is " +
+                            std::to_string(stats->depth) + " levels deep; at most " + std::to_string(kMaxWideDepth) +
+                            " can be traversed");
   stats->nodes = static_cast<uint32_t>(nodes->size()) - root;
   return root;
 }

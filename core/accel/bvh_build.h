@@ -34,7 +34,8 @@ struct BvhStats {
 };
 
 // Appends to `nodes` a tree over the boxes and returns the index of its root. `order` receives the positions of the boxes
-// in leaf order; leaves count from `first_leaf`. An empty input gives a root without children.
+// in leaf order; leaves count from `first_leaf`. An empty input gives a root without children. Throws std::length_error if the
+// tree would be too deep for traversal (more than ten million boxes of the most unfortunate sizes).
 uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                    std::vector<uint32_t>* order, BvhStats* stats);
 
