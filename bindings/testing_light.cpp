@@ -51,7 +51,8 @@ nb::object map_square(const Rows& u, size_t columns, F&& f) {
 }
 
 nb::object warp(const std::string& name, const Rows& u, float one_minus_cos) {
-  if (name == "disk") return map_square(u, 2, square_to_disk);
+  if (name == "disk") return map_square(u, 2, square_to_disk<false>);
+  if (name == "disk_side_by_side") return map_square(u, 2, square_to_disk<true>);
   if (name == "normal") return map_square(u, 2, square_to_normal);
   if (name == "triangle") return map_square(u, 2, square_to_triangle);
   if (name == "cosine_hemisphere") return map_square(u, 3, square_to_cosine_hemisphere);
@@ -64,12 +65,19 @@ nb::object warp(const std::string& name, const Rows& u, float one_minus_cos) {
   return out.array();
 }
 
+template <bool kSideBySide>
 nb::object sincos(const Numbers& u) {
   Output<float> out(u.shape(0), 2);
   for (size_t i = 0; i < out.rows; ++i) {
-    const SinCos t = sincos_turns(u(i));
+    const SinCos t = sincos_turns<kSideBySide>(u(i));
     out.set(i, Vec2{t.sin, t.cos});
   }
+  return out.array();
+}
+
+nb::object log_of_unit_of(const Numbers& x) {
+  Output<float> out(x.shape(0));
+  for (size_t i = 0; i < out.rows; ++i) out.data[i] = log_of_unit(x(i));
   return out.array();
 }
 
@@ -77,7 +85,9 @@ void register_numbers(nb::module_& m) {
   m.def("sampler_1d", sampler_1d, "Numbers for rows of (seed, pixel, sample, dimension), uint32.");
   m.def("sampler_2d", sampler_2d, "Points for rows of (seed, pixel, sample, dimension), uint32.");
   m.def("warp", warp, nb::arg("name"), nb::arg("u"), nb::arg("one_minus_cos") = 0.5f);
-  m.def("sincos_turns", sincos, "Columns: sine and cosine of 2 pi u.");
+  m.def("sincos_turns", sincos<false>, "Columns: sine and cosine of 2 pi u.");
+  m.def("sincos_turns_side_by_side", sincos<true>, "The same for u in [0, 1], in the form for loops.");
+  m.def("log_of_unit", log_of_unit_of, "Natural logarithms of numbers in (0, 1].");
   m.def(
       "equirect_to_direction", [](const Rows& uv) { return map_square(uv, 3, equirect_to_direction); },
       "Unit directions of points of the unit square.");

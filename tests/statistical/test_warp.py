@@ -127,6 +127,28 @@ def test_sincos_turns_is_accurate() -> None:
     assert np.array_equal(np.abs(quarters), [[0, 1], [1, 0], [0, 1], [1, 0], [0, 1]])
 
 
+def test_log_of_unit_is_accurate() -> None:
+    # Every number that the sampler can ask for, and smaller ones.
+    for first in range(0, 2**24, 2**20):
+        x = (np.arange(first + 1, first + 2**20 + 1) / 2**24).astype(np.float32)
+        if first == 0:
+            x = np.concatenate([x, np.geomspace(2.0**-126, 1, 100_001).astype(np.float32)])
+        x = x[x < 1]
+        exact = np.log(x.astype(np.float64))
+        assert np.abs(testing.log_of_unit(x) / exact - 1).max() < 1.2e-7
+    assert testing.log_of_unit(np.ones(1, np.float32))[0] == 0
+
+
+def test_forms_for_loops_give_the_same_bits(rng: np.random.Generator) -> None:
+    special = np.array([0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1 - 2**-24])
+    u = on_grid(np.concatenate([np.stack(np.meshgrid(special, special), -1).reshape(-1, 2), rng.random((SAMPLES, 2))]))
+    one, many = (testing.warp(name, u) for name in ("disk", "disk_side_by_side"))
+    assert np.array_equal(one.view(np.uint32), many.view(np.uint32))
+    turns = np.concatenate([u[:, 0], np.linspace(0, 1, 100_001, dtype=np.float32)])
+    one, many = testing.sincos_turns(turns), testing.sincos_turns_side_by_side(turns)
+    assert np.array_equal(one.view(np.uint32), many.view(np.uint32))
+
+
 LINEAR = [(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (0.2, 3.0), (1e-20, 2e-20), (1e20, 3e20), (0.0, 0.0)]
 
 
