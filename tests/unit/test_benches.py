@@ -153,3 +153,69 @@ def test_camera_rays_are_the_cameras():
     assert (seen == hit).mean() > 0.93  # but at the edges
     both = hit & seen
     assert np.median(np.abs(hits["t"].reshape(36, 64)[both] / depth[both] - 1)) < 0.05
+
+
+# --- peers ------------------------------------------------------------------------------------------------------------
+
+
+def test_peers_that_are_missing_are_named_and_left_out(monkeypatch, capsys):
+    peers = script("peers")
+    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda name: None)
+    assert peers.available(("destello", "mitsuba:scalar_rgb", "embreex")) == ["destello"]
+    assert capsys.readouterr().err.splitlines() == [
+        "mitsuba:scalar_rgb: not installed, left out (pip install mitsuba==3.9.1)",
+        "embreex: not installed, left out (pip install embreex)",
+    ]
+    assert run("peers", "mesh1").returncode == 2
+
+
+@pytest.mark.parametrize("peer", ["destello", "destello rays"])
+def test_a_peer_measures_in_a_process_of_its_own(peer):
+    done = run("peers", "--child", peer, "--size", "8x6", "--spp", 2, "--repeat", 1, "interior:0.01")
+    assert done.returncode == 0, done.stderr
+    found = lines(done.stdout)
+    assert {entry["peer"] for entry in found} == {peer}
+    assert all(entry.get("Msamples_s", entry.get("Mrays_s")) > 0 for entry in found)
+    peers = script("peers")
+    other = [{**entry, "peer": "other"} for entry in found]
+    assert all("1.00 times" in line for line in list(peers.ratios(found + other))[len(found) :])
+
+
+def test_ratios_say_when_rays_hit_something_else():
+    ours = {"scene": "a", "detail": 1.0, "kind": "ao", "peer": "destello rays", "Mrays_s": 2.0, "hit": 0.5}
+    (_, line) = script("peers").ratios([ours, {**ours, "peer": "embreex", "hit": 0.6, "Mrays_s": 1.0}])
+    assert "destello: 2.00 times that, BUT 60.0% of the rays hit instead of 50.0%" in line
+
+
+def test_what_mitsuba_has_not_is_refused_by_name(tmp_path):
+    module = script("mitsuba_scene")
+    moving = dl.scenes.build("book2-bouncing")
+    for scene in (moving, dl.scenes.build("book2-earth"), dl.scenes.build("cornell-smoke")):
+        with pytest.raises(module.Untranslatable):
+            module._Translation(FakeMitsuba, tmp_path).scene(scene, (8, 8), 1, 8)
+
+
+class FakeMitsuba:
+    """As much of the module as placing things takes."""
+
+    class ScalarTransform4f:
+        def __init__(self, matrix=None):
+            self.matrix = matrix
+
+        def look_at(self, **place):
+            return place
+
+
+@pytest.mark.mitsuba
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["book1", "mesh1m", "instances", "terrain"])
+def test_mitsuba_renders_the_same_picture(name, tmp_path):
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    scene = dl.scenes.build(name, 0.002)
+    made = script("mitsuba_scene").translate(mi, scene, tmp_path, (16, 9), 64, 8)
+    theirs = np.array(mi.render(mi.load_dict(made), spp=64))
+    ours = dl.render(scene, size=(16, 9), spp=64, max_depth=8, device="cpu", progress=False).array
+    assert theirs.shape == ours.shape
+    assert np.allclose(theirs.mean((0, 1)), ours.mean((0, 1)), rtol=0.04)
+    assert np.abs(theirs - ours).mean() < 0.12 * ours.mean()

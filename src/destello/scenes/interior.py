@@ -22,7 +22,7 @@ _LAMP_X, _LAMP_Z = 2.3, -1.4
 
 @benchmark("interior", "A closed room with glossy, diffuse and glass things, lit by a small window and an up-light.")
 def interior(detail: float = 1.0) -> Scene:
-    """245,284 triangles, most of them in the glass balls, the torus and the rock; those become fewer with detail."""
+    """245,076 triangles, most of them in the glass balls, the torus and the rock; those become fewer with detail."""
     import destello as dl
 
     camera = dl.cameras.perspective(origin=(-2.7, 1.55, 1.75), target=(1, 1, -0.9), vfov=52)
