@@ -19,26 +19,22 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures"]
 
 
-def everything() -> dl.Scene:
-    """Media, holes, mixtures, instances, motion and every light in one small scene."""
-    s = dl.Scene(name="everything")
+def opaque() -> dl.Scene:
+    """Mixtures, a normal map, motion and every light in one small scene. Any hit ends a shadow ray."""
+    s = dl.Scene(name="opaque")
     s.film.width, s.film.height = 160, 100
     s.camera = dl.cameras.perspective(origin=(0, 2, 9), target=(0, 0.6, 0), vfov=40, aperture_radius=0.05)
     checker = dl.textures.checker(even=(0.9, 0.9, 0.9), odd=(0.1, 0.3, 0.6), scale=0.5)
     red, metal = dl.materials.diffuse(reflectance=(0.7, 0.1, 0.1)), dl.materials.conductor(roughness=0.4)
-    s.add(
-        dl.shapes.quad(
-            corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse(reflectance=checker)
-        )
-    )
+    floor = dl.materials.diffuse(reflectance=checker)
+    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=floor))
     s.add(dl.shapes.sphere(center=(-2.5, 1, 0), radius=1, material=dl.materials.dielectric(abbe=20)))
     s.add(dl.shapes.sphere(center=(0, 1, 0), radius=1, material=dl.materials.mix(first=red, second=metal, amount=0.5)))
-    fog = dl.materials.interface(medium_density=1.5, medium_albedo=(0.9, 0.8, 0.6), medium_anisotropy=0.4)
-    s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=fog))
     s.add(dl.shapes.sphere(center=(0, 0.5, 2), radius=0.5, material=red, center1=(0.4, 0.6, 2)))
-    holes = dl.materials.diffuse(opacity=0.5)
-    box = s.group("box", [dl.shapes.box(min=(-0.5, 0, -0.5), max=(0.5, 1, 0.5), material=holes)])
-    s.add(dl.shapes.instance(box, transform=dl.translate(1.3, 0, 2) @ dl.rotate((0, 1, 0), 30) @ dl.scale(0.8)))
+    bumps = 0.35 + 0.3 * np.random.default_rng(3).random((8, 8, 3), np.float32)
+    bumps[..., 2] = 1
+    bumpy = dl.materials.diffuse(reflectance=(0.3, 0.6, 0.3), normal_map=dl.textures.image(bumps, color_space="linear"))
+    s.add(dl.shapes.sphere(center=(-1.3, 0.4, 2), radius=0.4, material=bumpy))
     s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
     s.add(dl.lights.spot(position=(4, 5, 2), target=(0, 0, 0), intensity=(60, 60, 80)))
     s.add(dl.lights.directional(direction=(1, -2, -1), irradiance=(0.5, 0.5, 0.4), angular_diameter=3))
@@ -46,14 +42,14 @@ def everything() -> dl.Scene:
     return s
 
 
-def opaque() -> dl.Scene:
-    """The same without what shadow rays pass through, with a normal map: not simple, but for the queue kernel."""
-    s = everything()
-    bumps = np.full((8, 8, 3), 0.5, np.float32) + 0.3 * np.random.default_rng(3).random((8, 8, 3), np.float32) - 0.15
-    bumps[..., 2] = 1
-    bumpy = dl.materials.diffuse(reflectance=(0.3, 0.6, 0.3), normal_map=dl.textures.image(bumps, color_space="linear"))
-    s.shapes = [shape for shape in s.shapes if shape.type != "instance" and shape["material"].type != "interface"]
-    s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=bumpy))
+def everything() -> dl.Scene:
+    """The same with what shadow rays pass through: media, and holes in an instance."""
+    s = opaque()
+    fog = dl.materials.interface(medium_density=1.5, medium_albedo=(0.9, 0.8, 0.6), medium_anisotropy=0.4)
+    s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=fog))
+    holes = dl.materials.diffuse(opacity=0.5)
+    box = s.group("box", [dl.shapes.box(min=(-0.5, 0, -0.5), max=(0.5, 1, 0.5), material=holes)])
+    s.add(dl.shapes.instance(box, transform=dl.translate(1.3, 0, 2) @ dl.rotate((0, 1, 0), 30) @ dl.scale(0.8)))
     return s
 
 
