@@ -32,7 +32,7 @@ TARGETS = {
     "book1": (0.01, 512),
     "cornell": (0.01, 2048),
     "mesh1m": (0.001, 512),
-    "instances": (0.001, 512),
+    "instances": (0.01, 1024),
     "terrain": (0.001, 1024),
     "interior": (0.1, 4096),
 }
