@@ -222,25 +222,27 @@ class Collapser {
 
   // Greedy assignment of children to the octants in which they lie (Ylitie et al. 2017, section 3.2).
   void assign_slots(const Bounds& bounds, const uint32_t* children, uint32_t count, int* slots) const {
-    struct Pair {
-      float gain;
-      uint32_t child;
-      int slot;
-    };
-    std::vector<Pair> pairs;
+    float gain[8][8];  // of a child in a slot
     const Vec3 center = bounds.center();
     for (uint32_t c = 0; c < count; ++c) {
       const Vec3 d = binary_.nodes()[children[c]].bounds.center() - center;
-      for (int s = 0; s < 8; ++s)
-        pairs.push_back({(s & 1 ? d.x : -d.x) + (s & 2 ? d.y : -d.y) + (s & 4 ? d.z : -d.z), c, s});
+      for (int s = 0; s < 8; ++s) gain[c][s] = (s & 1 ? d.x : -d.x) + (s & 2 ? d.y : -d.y) + (s & 4 ? d.z : -d.z);
     }
-    std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) { return a.gain > b.gain; });
     uint32_t slots_taken = 0;
     std::fill(slots, slots + count, -1);
-    for (const Pair& p : pairs) {
-      if (slots[p.child] >= 0 || (slots_taken >> p.slot & 1) != 0) continue;
-      slots[p.child] = p.slot;
-      slots_taken |= 1u << p.slot;
+    for (uint32_t round = 0; round < count; ++round) {
+      uint32_t child = kNone;
+      int slot = 0;
+      for (uint32_t c = 0; c < count; ++c) {
+        if (slots[c] >= 0) continue;
+        for (int s = 0; s < 8; ++s) {
+          if (slots_taken >> s & 1 || (child != kNone && !(gain[c][s] > gain[child][slot]))) continue;
+          child = c;
+          slot = s;
+        }
+      }
+      slots[child] = slot;
+      slots_taken |= 1u << slot;
     }
   }
 
