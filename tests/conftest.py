@@ -7,6 +7,7 @@ Set ``DESTELLO_REQUIRE_CUDA=1`` on a machine that should have one: what would be
 from __future__ import annotations
 
 import os
+import signal
 import zlib
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,11 @@ DATA = Path(__file__).resolve().parent / "data"
 # The same examples in every run, and no verdict on a machine that is busy with something else.
 settings.register_profile("destello", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("destello")
+
+# A shell that starts a job in the background has it ignore Ctrl-C, and all its children with it: interruptions could not be
+# tested.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @cache
