@@ -23,8 +23,7 @@ DATA = Path(__file__).resolve().parent / "data"
 settings.register_profile("destello", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("destello")
 
-# A shell that starts a job in the background has it ignore Ctrl-C, and all its children with it: interruptions could not be
-# tested.
+# A shell lets a job that it starts in the background ignore Ctrl-C, and what that starts in turn: nothing to test then.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
