@@ -11,10 +11,10 @@ from __future__ import annotations
 import argparse
 import datetime as dt
 import json
-import statistics
 import sys
 
 from destello import __version__, _core, scenes
+from destello.bench import rate_figures
 
 
 def measure(entry: str, device: str, threads: int, repeat: int, seed: int, execution: str) -> dict[str, object]:
@@ -36,21 +36,15 @@ def measure(entry: str, device: str, threads: int, repeat: int, seed: int, execu
         film = _core.Film(width, height)
         runs.append(renderer.render(film, 0, 0, samples, {**settings, "seed": seed + i}))
     runs = runs[1:]
-    wall = statistics.median(r["seconds"] for r in runs)
-    kernel = statistics.median(r["device_seconds"] or r["seconds"] for r in runs)
-    count, rays = runs[0]["samples"], statistics.median(r["rays"] for r in runs)
+    walls, rays = ([r[key] for r in runs] for key in ("seconds", "rays"))
+    kernels = [r["device_seconds"] or r["seconds"] for r in runs]
     return {
         "scene": name,
         "size": [width, height],
         "spp": samples,
         "max_depth": scene.render.max_depth,
         "execution": execution,
-        "seconds": wall,
-        "kernel_seconds": kernel,
-        "Msamples_s": count / wall / 1e6,
-        "kernel_Msamples_s": count / kernel / 1e6,
-        "kernel_Mrays_s": rays / kernel / 1e6,
-        "rays_per_sample": rays / count,
+        **rate_figures(runs[0]["samples"], walls, kernels, rays),
         "repeat": repeat,
         "first_seed": seed + 1,
     }

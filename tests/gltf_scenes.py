@@ -1,4 +1,4 @@
-"""A quad with one material, as glTF: what the tests of materials and of images share."""
+"""What the tests of glTF share: reading what a test has made, and a quad with one material."""
 
 from __future__ import annotations
 
@@ -14,6 +14,17 @@ from destello.scene import Scene
 from scene_files import QUAD, QUAD_INDICES, QUAD_UV, Gltf
 
 BARE = LoadOptions(complete=False)
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+
+
+def loaded(g: Gltf, folder: Path) -> Scene:
+    return gltf.load(g.glb(folder), BARE)
+
+
+def only_mesh(g: Gltf, mesh: int, folder: Path) -> Node:
+    g.node(mesh=mesh)
+    (shape,) = loaded(g, folder).shapes
+    return shape
 
 
 def scene_with(g: Gltf, folder: Path, *, color: np.ndarray | None = None, **material: Any) -> Scene:
@@ -26,7 +37,7 @@ def scene_with(g: Gltf, folder: Path, *, color: np.ndarray | None = None, **mate
         attributes["COLOR_0"] = g.accessor(color)
     mesh = g.mesh(attributes, g.accessor(QUAD_INDICES), material=g.add("materials", **material))
     g.node(mesh=mesh)
-    return gltf.load(g.glb(folder), BARE)
+    return loaded(g, folder)
 
 
 def material_of(g: Gltf, folder: Path, **material: Any) -> Node:

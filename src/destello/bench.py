@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -90,6 +90,28 @@ def measure(scene: Scene, effort: Effort, say: Callable[[str], None] = lambda _:
     return figures
 
 
+def rate_figures(
+    samples: int, walls: Iterable[float], kernels: Iterable[float], rays: Iterable[float]
+) -> dict[str, float]:
+    """Medians over runs of `samples` samples each, and the rates that they make.
+
+    Args:
+        samples: of one run.
+        walls: seconds of each run, with the copy of the film.
+        kernels: the same without it.
+        rays: of each run.
+    """
+    wall, kernel, traced = (statistics.median(values) for values in (walls, kernels, rays))
+    return {
+        "seconds": wall,
+        "kernel_seconds": kernel,
+        "Msamples_s": samples / wall / 1e6,
+        "kernel_Msamples_s": samples / kernel / 1e6,
+        "kernel_Mrays_s": traced / kernel / 1e6,
+        "rays_per_sample": traced / samples,
+    }
+
+
 class _Run:
     """One scene on one device."""
 
@@ -139,20 +161,15 @@ class _Run:
             _, counted = self._render(0, spp, FIRST_SEED + i)
             runs.append(counted)
         runs = runs[1:]
-        wall = statistics.median(r.wall for r in runs)
-        kernel = statistics.median(r.seconds for r in runs)
-        samples, rays = self.pixels * spp, statistics.median(r.rays for r in runs)
-        self._chunk = max(1, int(_CALL_SECONDS * spp / max(kernel, 1e-9)))
+        figures = rate_figures(
+            self.pixels * spp, (r.wall for r in runs), (r.seconds for r in runs), (r.rays for r in runs)
+        )
+        self._chunk = max(1, int(_CALL_SECONDS * spp / max(figures["kernel_seconds"], 1e-9)))
         return {
             "spp": spp,
             "repeat": repeat,
             "first_seed": FIRST_SEED + 1,
-            "seconds": wall,
-            "kernel_seconds": kernel,
-            "Msamples_s": samples / wall / 1e6,
-            "kernel_Msamples_s": samples / kernel / 1e6,
-            "kernel_Mrays_s": rays / kernel / 1e6,
-            "rays_per_sample": rays / samples,
+            **figures,
         }
 
     def seconds_to_error(self) -> dict[str, Any]:

@@ -7,25 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from destello.formats import LoadOptions
 from destello.io import gltf, load
-from destello.nodes import Node
-from destello.scene import Scene
+from gltf_scenes import BARE, TRIANGLE, loaded, only_mesh
 from scene_files import QUAD, QUAD_INDICES, QUAD_UV, Gltf
 
-BARE = LoadOptions(complete=False)
-TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-
-
-def loaded(g: Gltf, folder: Path) -> Scene:
-    return gltf.load(g.glb(folder), BARE)
-
-
-def only_mesh(g: Gltf, mesh: int, folder: Path) -> Node:
-    g.node(mesh=mesh)
-    (shape,) = loaded(g, folder).shapes
-    return shape
 
 
 # --- packages ---------------------------------------------------------------------------------------------------------

@@ -13,12 +13,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import destello as dl
 from destello.errors import FormatError, InputError
-from destello.formats import LoadOptions
-from destello.io import gltf
 from destello.nodes import Node
+from gltf_scenes import loaded
 from scene_files import Gltf
 
-BARE = LoadOptions(complete=False)
 TIMES = np.float32([0, 0.5, 2])
 MOVES = np.float32([[0, 0, 0], [1, 2, 3], [-1, 5, 0]])
 SIZES = np.float32([[1, 1, 1], [2, 1, 1], [1, 3, 1]])
@@ -34,10 +32,6 @@ def animate(g: Gltf, *channels: tuple[int, str, Any, Any], kind: str | None = No
         made = {"input": g.accessor(np.float32(times)), "output": g.accessor(np.asarray(values, np.float32))}
         samplers.append({**made, **({"interpolation": kind} if kind else {})})
     g.add("animations", channels=listed, samplers=samplers, **({"name": name} if name else {}))
-
-
-def loaded(g: Gltf, folder: Path) -> dl.Scene:
-    return gltf.load(g.glb(folder), BARE)
 
 
 def matrix(shape: Node, time: float) -> np.ndarray:

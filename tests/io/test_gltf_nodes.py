@@ -8,24 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from destello.formats import LoadOptions
 from destello.io import gltf
 from destello.nodes import Node
-from destello.scene import Scene
+from gltf_scenes import BARE, TRIANGLE, loaded, only_mesh
 from scene_files import QUAD, QUAD_INDICES, Gltf, sphere
-
-BARE = LoadOptions(complete=False)
-TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-
-
-def loaded(g: Gltf, folder: Path) -> Scene:
-    return gltf.load(g.glb(folder), BARE)
-
-
-def only_mesh(g: Gltf, mesh: int, folder: Path) -> Node:
-    g.node(mesh=mesh)
-    (shape,) = loaded(g, folder).shapes
-    return shape
 
 
 def matrix(shape: Node) -> np.ndarray:
