@@ -295,7 +295,7 @@ class Collapser {
 }  // namespace
 
 uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
-                   std::vector<uint32_t>* order, BvhStats* stats) {
+                   std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions&) {
   const uint32_t root = static_cast<uint32_t>(nodes->size());
   *stats = {};
   for (const bool median_only : {false, true}) {

@@ -107,7 +107,7 @@ class SceneBuilder {
   uint32_t add_camera(const AnyCamera& camera);
 
   // Builds the trees and the light tables. The builder is of no use afterwards.
-  std::unique_ptr<Scene> build();
+  std::unique_ptr<Scene> build(const BuildOptions& options = {});
 
  private:
   struct Mesh {
@@ -137,8 +137,8 @@ class SceneBuilder {
   void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);
   void resolve_mixes();
   void resolve_powers();
-  void build_trees();
-  void build_group(Group* group);
+  void build_trees(const BuildOptions& options);
+  void build_group(Group* group, const BuildOptions& options);
   void build_lights();
   void collect_area_lights();
   std::vector<float> light_powers() const;

@@ -10,11 +10,11 @@
 
 namespace destello {
 
-std::unique_ptr<Scene> SceneBuilder::build() {
+std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   SceneArrays& a = scene_->arrays_;
   resolve_mixes();
-  build_trees();
+  build_trees(options);
   a.srgb_table.resize(256);
   for (int i = 0; i < 256; ++i) a.srgb_table[static_cast<size_t>(i)] = srgb_to_linear(static_cast<float>(i) / 255.0f);
   collect_area_lights();
@@ -47,12 +47,12 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
-void SceneBuilder::build_group(Group* group) {
+void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   std::vector<uint32_t> order;
   BvhStats stats;
   const uint32_t first = static_cast<uint32_t>(a.leaves.size());
-  group->root = build_bvh(group->boxes, first, &a.nodes, &order, &stats);
+  group->root = build_bvh(group->boxes, first, &a.nodes, &order, &stats, options);
   for (const uint32_t i : order) a.leaves.push_back(group->primitives[i]);
   for (const Bounds& b : group->boxes) group->bounds.grow(b);
   if (group == groups_.data()) scene_->stats_.world = stats;
@@ -60,11 +60,11 @@ void SceneBuilder::build_group(Group* group) {
   group->primitives = {};
 }
 
-void SceneBuilder::build_trees() {
+void SceneBuilder::build_trees(const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   meshes_.clear();
   a.nodes.emplace_back();  // node 0: the world's root, moved there when it is known
-  for (size_t i = 1; i < groups_.size(); ++i) build_group(&groups_[i]);
+  for (size_t i = 1; i < groups_.size(); ++i) build_group(&groups_[i], options);
   Group& world = groups_[0];
   for (uint32_t i = 0; i < placed_.size(); ++i) {
     Instance& it = a.instances[i];
@@ -79,7 +79,7 @@ void SceneBuilder::build_trees() {
     world.primitives.push_back(p);
     world.boxes.push_back(box);
   }
-  build_group(&world);
+  build_group(&world, options);
   a.nodes[0] = a.nodes[world.root];
   a.only_blocks = build_sphere_blocks(a.nodes, a.leaves, &a.blocks, &a.blocks_of_node);
   scene_->bounds_ = world.bounds;
