@@ -249,7 +249,8 @@ void register_scene(nb::module_& m) {
             return b.build(options);
           },
           nb::arg("quality") = "balanced", nb::arg("threads") = 0, nb::arg("cuda_device") = -1,
-          "quality: of the trees, fast, balanced or high. threads: of the host, 0: all. cuda_device: the one that builds "
+          "quality: of the trees, fast, balanced or high. threads: of the host, 0: all. cuda_device: the one that "
+          "builds "
           "large trees, -1: the host does.");
 }
 
