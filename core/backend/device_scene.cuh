@@ -1,7 +1,7 @@
 // A scene in device memory: explicit copies of the host's arrays.
 #pragma once
 
-#include "backend/device_buffer.h"
+#include "base/device_buffer.h"
 #include "scene/scene.h"
 
 namespace destello {
