@@ -41,6 +41,13 @@ BuildQuality to_quality(const std::string& name) {
   throw std::invalid_argument("quality '" + name + "': expected fast, balanced or high");
 }
 
+std::unique_ptr<Scene> build_scene(SceneBuilder& builder, const std::string& quality, uint32_t threads,
+                                   int cuda_device) {
+  const BuildOptions options{to_quality(quality), threads, cuda_device};
+  const nb::gil_scoped_release release;
+  return builder.build(options);
+}
+
 std::optional<Transform> maybe_transform(const nb::object& o) {
   if (o.is_none()) return std::nullopt;
   return to_transform(o);
@@ -241,17 +248,9 @@ void register_scene(nb::module_& m) {
             }));
           },
           nb::arg("type"), nb::arg("params"))
-      .def(
-          "build",
-          [](SceneBuilder& b, const std::string& quality, uint32_t threads, int cuda_device) {
-            const BuildOptions options{to_quality(quality), threads, cuda_device};
-            const nb::gil_scoped_release release;
-            return b.build(options);
-          },
-          nb::arg("quality") = "balanced", nb::arg("threads") = 0, nb::arg("cuda_device") = -1,
-          "quality: of the trees, fast, balanced or high. threads: of the host, 0: all. cuda_device: the one that "
-          "builds "
-          "large trees, -1: the host does.");
+      .def("build", &build_scene, nb::arg("quality") = "balanced", nb::arg("threads") = 0, nb::arg("cuda_device") = -1,
+           "quality: of the trees, fast, balanced or high. threads: of the host, 0: all. cuda_device: builds large "
+           "trees, -1: the host does.");
 }
 
 }  // namespace destello
