@@ -169,6 +169,13 @@ void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_
   out->costs = {timer.seconds(), bytes};
 }
 
+uint32_t checked_count(size_t count) {
+  if (count > kMaxCudaPrimitives)
+    throw std::length_error("a tree over " + std::to_string(count) + " primitives; the GPU builds one over at most " +
+                            std::to_string(kMaxCudaPrimitives));
+  return static_cast<uint32_t>(count);
+}
+
 }  // namespace
 
 void triangle_boxes_cuda(const Vec3* positions, const uint32_t* indices, uint32_t triangles, Bounds* boxes) {
@@ -179,9 +186,6 @@ void triangle_boxes_cuda(const Vec3* positions, const uint32_t* indices, uint32_
 
 DeviceTree build_tree_cuda(const Bounds* boxes, uint32_t count, uint32_t first_node, uint32_t first_leaf,
                            BuildQuality quality) {
-  if (count > kMaxCudaPrimitives)
-    throw std::length_error("a tree over " + std::to_string(count) + " primitives; on the GPU at most " +
-                            std::to_string(kMaxCudaPrimitives));
   DeviceTree tree;
   if (quality == BuildQuality::Fast) {
     build<uint32_t>(boxes, count, first_node, first_leaf, &tree);
@@ -191,24 +195,57 @@ DeviceTree build_tree_cuda(const Bounds* boxes, uint32_t count, uint32_t first_n
   return tree;
 }
 
+// Copies a finished tree to the host's arrays. False if it is too deep.
+static bool download(const DeviceTree& tree, std::vector<Node8>* nodes, std::vector<uint32_t>* order, BvhStats* stats) {
+  if (tree.levels.empty()) return false;
+  const size_t root = nodes->size();
+  nodes->resize(root + tree.stats.nodes);
+  order->resize(tree.order.size());
+  check_cuda(
+      cudaMemcpy(nodes->data() + root, tree.nodes.data(), tree.stats.nodes * sizeof(Node8), cudaMemcpyDeviceToHost),
+      "copy the tree");
+  check_cuda(cudaMemcpy(order->data(), tree.order.data(), order->size() * sizeof(uint32_t), cudaMemcpyDeviceToHost),
+             "copy the tree");
+  *stats = tree.stats;
+  return true;
+}
+
 uint32_t build_bvh_cuda(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                         std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options,
                         CudaBuildCosts* costs) {
   if (costs != nullptr) *costs = {};
   if (boxes.empty()) return build_bvh(boxes, first_leaf, nodes, order, stats, options);
   check_cuda(cudaSetDevice(options.cuda_device), "choose the device");
-  const uint32_t root = static_cast<uint32_t>(nodes->size()), count = static_cast<uint32_t>(boxes.size());
+  const uint32_t root = static_cast<uint32_t>(nodes->size()), count = checked_count(boxes.size());
   const DeviceTree tree = build_tree_cuda(DeviceBuffer<Bounds>(boxes).data(), count, root, first_leaf, options.quality);
-  if (tree.levels.empty()) return build_bvh(boxes, first_leaf, nodes, order, stats, options);
-  nodes->resize(root + tree.stats.nodes);
-  order->resize(count);
-  check_cuda(
-      cudaMemcpy(nodes->data() + root, tree.nodes.data(), tree.stats.nodes * sizeof(Node8), cudaMemcpyDeviceToHost),
-      "copy the tree");
-  check_cuda(cudaMemcpy(order->data(), tree.order.data(), count * sizeof(uint32_t), cudaMemcpyDeviceToHost),
-             "copy the tree");
-  *stats = tree.stats;
+  if (!download(tree, nodes, order, stats)) return build_bvh(boxes, first_leaf, nodes, order, stats, options);
   if (costs != nullptr) *costs = tree.costs;
+  return root;
+}
+
+uint32_t build_mesh_bvh_cuda(const std::vector<Vec3>& positions, const std::vector<uint32_t>& indices,
+                             uint32_t first_leaf, std::vector<Node8>* nodes, std::vector<uint32_t>* order,
+                             BvhStats* stats, const BuildOptions& options, CudaBuildCosts* costs) {
+  if (costs != nullptr) *costs = {};
+  const uint32_t root = static_cast<uint32_t>(nodes->size()), count = checked_count(indices.size() / 3);
+  if (count == 0) return build_bvh({}, first_leaf, nodes, order, stats, options);
+  check_cuda(cudaSetDevice(options.cuda_device), "choose the device");
+  const DeviceBuffer<Bounds> boxes(count);
+  double box_seconds = 0;
+  {
+    const DeviceBuffer<Vec3> device_positions(positions);
+    const DeviceBuffer<uint32_t> device_indices(indices);
+    CudaTimer timer;
+    triangle_boxes_cuda(device_positions.data(), device_indices.data(), count, boxes.data());
+    box_seconds = timer.seconds();
+  }
+  const DeviceTree tree = build_tree_cuda(boxes.data(), count, root, first_leaf, options.quality);
+  if (!download(tree, nodes, order, stats)) {
+    std::vector<Bounds> host(count);
+    check_cuda(cudaMemcpy(host.data(), boxes.data(), count * sizeof(Bounds), cudaMemcpyDeviceToHost), "copy boxes");
+    return build_bvh(host, first_leaf, nodes, order, stats, options);
+  }
+  if (costs != nullptr) *costs = {box_seconds + tree.costs.device_seconds, tree.costs.temporary_bytes};
   return root;
 }
 

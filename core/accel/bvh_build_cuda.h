@@ -24,6 +24,11 @@ uint32_t build_bvh_cuda(const std::vector<Bounds>& boxes, uint32_t first_leaf, s
                         std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options,
                         CudaBuildCosts* costs = nullptr);
 
+// The same over a mesh's triangles, whose boxes are made on the device too. `indices`: three a triangle, all in range.
+uint32_t build_mesh_bvh_cuda(const std::vector<Vec3>& positions, const std::vector<uint32_t>& indices,
+                             uint32_t first_leaf, std::vector<Node8>* nodes, std::vector<uint32_t>* order,
+                             BvhStats* stats, const BuildOptions& options, CudaBuildCosts* costs = nullptr);
+
 // As refit_bvh, on a device; returns the seconds that it took there, copies not counted.
 double refit_bvh_cuda(const std::vector<Bounds>& boxes, const std::vector<uint32_t>& order, uint32_t first_leaf,
                       uint32_t root, std::vector<Node8>* nodes, int cuda_device);

@@ -16,7 +16,7 @@ struct DeviceTree {
   CudaBuildCosts costs;
 };
 
-// A tree over `count` boxes (at least one, 8-byte aligned) on the current device. Its root will be node `first_node`, its
+// A tree over `count` boxes (1 to kMaxCudaPrimitives, 8-byte aligned) on the current device. Its root will be node `first_node`, its
 // first leaf primitive `first_leaf`.
 DeviceTree build_tree_cuda(const Bounds* boxes, uint32_t count, uint32_t first_node, uint32_t first_leaf,
                            BuildQuality quality);
