@@ -40,7 +40,7 @@ std::vector<uint32_t> leaves_below(const GeometryView& g, uint32_t root) {
     const Node8& node = g.nodes[todo.back()];
     todo.pop_back();
     for (uint32_t s = 0; s < 8; ++s) {
-      if (node.meta[s] == 0) continue;
+      if (!node.is_used(s)) continue;
       const HostEntry e = host_child(node, s, 0.0f);
       if (e.count == 0) todo.push_back(e.index);
       for (uint32_t k = 0; k < e.count; ++k) leaves.push_back(e.index + k);
@@ -221,7 +221,7 @@ nb::dict tree(const Scene& scene) {
     const Node8& node = a.nodes[i / 8];
     const uint32_t s = i % 8;
     index.data[i] = count.data[i] = -1;
-    if (node.meta[s] == 0) continue;
+    if (!node.is_used(s)) continue;
     const HostEntry e = host_child(node, s, 0.0f);
     index.data[i] = static_cast<int32_t>(e.index), count.data[i] = static_cast<int32_t>(e.count);
     for (int k = 0; k < 3; ++k) {

@@ -140,17 +140,16 @@ DST_FN Node8 make_node(const Bounds& bounds, const Subtree* by_slot, uint32_t fi
   set_grid(bounds, &node);
   node.first_child = first_child;
   node.first_leaf = first_leaf;
-  uint32_t leaf_position = 0;
   for (uint32_t s = 0; s < 8; ++s) {
     const Subtree& child = by_slot[s];
     if (child.empty()) continue;
+    node.used |= 1u << s;
     set_child_box(child.bounds, s, &node);
     if (child.is_inner()) {
       node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
-      node.meta[s] = static_cast<uint8_t>(0x20u | (24 + s));
+      node.children |= 1u << (24 + s);
     } else {
-      node.meta[s] = static_cast<uint8_t>(((1u << child.count) - 1) << 5 | leaf_position);
-      leaf_position += child.count;
+      node.children |= ((1u << child.count) - 1) << (3 * s);
     }
   }
   return node;
