@@ -141,7 +141,7 @@ struct Scratch {
 };
 
 template <class Code>
-void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_leaf, DeviceTree* out) {
+void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_leaf, bool radix, DeviceTree* out) {
   const size_t bytes = Scratch<Code>(nullptr, n).bytes;
   const DeviceBuffer<uint8_t> memory(bytes);
   const Scratch<Code> s(memory.data(), n);
@@ -158,7 +158,7 @@ void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_
                                              s.arrays.references, n, 0, sizeof(Code) == 8 ? 63 : 30),
              "sort Morton codes");
   const BinaryTree tree{boxes, s.nodes, s.cuts, s.root, n};
-  cluster_cuda(s.codes, s.arrays, tree);
+  cluster_cuda(s.codes, s.arrays, tree, radix);
   uint32_t* todo = s.arrays.ranges;  // no longer needed as such
   collapse_cuda(tree, first_node, first_leaf, todo, s.collapse, out->nodes.data(), capacity, out->order.data(), out);
   if (out->stats.nodes > capacity) {
@@ -187,11 +187,17 @@ void triangle_boxes_cuda(const Vec3* positions, const uint32_t* indices, uint32_
 DeviceTree build_tree_cuda(const Bounds* boxes, uint32_t count, uint32_t first_node, uint32_t first_leaf,
                            BuildQuality quality) {
   DeviceTree tree;
-  if (quality == BuildQuality::Fast) {
-    build<uint32_t>(boxes, count, first_node, first_leaf, &tree);
-  } else {
-    build<uint64_t>(boxes, count, first_node, first_leaf, &tree);
+  double seconds = 0;
+  for (const bool radix : {false, true}) {  // clusters may be too deep to traverse; codes have only so many bits
+    if (quality == BuildQuality::Fast) {
+      build<uint32_t>(boxes, count, first_node, first_leaf, radix, &tree);
+    } else {
+      build<uint64_t>(boxes, count, first_node, first_leaf, radix, &tree);
+    }
+    seconds += tree.costs.device_seconds;
+    if (!tree.levels.empty()) break;
   }
+  tree.costs.device_seconds = seconds;
   return tree;
 }
 
