@@ -3,9 +3,9 @@
 // at most 16 of each, and if there are more than 16 a warp merges nearest neighbours until that many are left. (With 1 in
 // place of 16 the result is the radix tree itself.)
 //
-// Results do not depend on scheduling. A merge is the mutually nearest of clusters in the order of the curve; ties go to
-// lanes whose numbers differ in lower bits, which makes the tree over equal boxes a balanced one. The node that a merge
-// writes is numbered by the first box of the two clusters' positions, which no other merge will have.
+// Results do not depend on scheduling. What is merged depends on the order of the clusters along the curve alone; ties go to
+// lanes whose numbers differ in lower bits, which makes the tree over equal boxes a balanced one. Each cluster has a position
+// that is its own, that of one of its boxes: a merge's node is numbered by the lower of the two, and the higher lives on.
 #include "accel/bvh_cuda.cuh"
 
 namespace destello {
@@ -14,8 +14,7 @@ namespace {
 
 constexpr uint32_t kNone = 0xffffffffU;
 constexpr uint32_t kAll = 0xffffffffU;  // lanes of a warp
-// Neighbours looked at, each way. More of them make trees of less SAH cost through which rays take more steps, by 5 % from
-// 3 to 8; the sort has put near things together already.
+// Neighbours looked at, each way. Rays take no fewer steps through trees made with more of them (benches/LOG.md).
 constexpr uint32_t kSearch = 3;
 constexpr uint32_t kThreads = 64;
 

@@ -50,12 +50,13 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
-// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md).
+// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
+// host's.
 static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                            std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
 #ifdef DST_HAS_CUDA
   constexpr size_t kFewest = 4096;
-  if (options.cuda_device >= 0 && boxes.size() >= kFewest)
+  if (options.cuda_device >= 0 && options.quality != BuildQuality::High && boxes.size() >= kFewest)
     return build_bvh_cuda(boxes, first_leaf, nodes, order, stats, options);
 #else
   if (options.cuda_device >= 0) throw std::invalid_argument("cuda_device: this build has no CUDA backend");
