@@ -12,7 +12,7 @@
 
 namespace destello {
 
-// What a build took on the device.
+// What a build took on the device; zeros if the host made the tree in the end.
 struct CudaBuildCosts {
   double device_seconds = 0;     // from the boxes in device memory to the nodes there
   uint64_t temporary_bytes = 0;  // at most in use at a time, besides the boxes and the result
