@@ -4,6 +4,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#ifdef DST_HAS_CUDA
+#include "accel/bvh_build_cuda.h"
+#endif
 #include "accel/traverse_host.h"
 #include "scene/area_light.h"
 #include "scene/scene.h"
@@ -47,12 +50,26 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
+// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
+// host's.
+static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
+                           std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
+#ifdef DST_HAS_CUDA
+  constexpr size_t kFewest = 4096;
+  if (options.cuda_device >= 0 && options.quality != BuildQuality::High && boxes.size() >= kFewest)
+    return build_bvh_cuda(boxes, first_leaf, nodes, order, stats, options);
+#else
+  if (options.cuda_device >= 0) throw std::invalid_argument("cuda_device: this build has no CUDA backend");
+#endif
+  return build_bvh(boxes, first_leaf, nodes, order, stats, options);
+}
+
 void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   std::vector<uint32_t> order;
   BvhStats stats;
   const uint32_t first = static_cast<uint32_t>(a.leaves.size());
-  group->root = build_bvh(group->boxes, first, &a.nodes, &order, &stats, options);
+  group->root = build_tree(group->boxes, first, &a.nodes, &order, &stats, options);
   for (const uint32_t i : order) a.leaves.push_back(group->primitives[i]);
   for (const Bounds& b : group->boxes) group->bounds.grow(b);
   if (group == groups_.data()) scene_->stats_.world = stats;
