@@ -59,7 +59,8 @@ DST_FN uint64_t spread(uint64_t x) {
   return (x | x << 2) & 0x1249249249249249ull;
 }
 
-// Morton codes on a grid of cubes: with a grid as flat as a flat scene, every third bit would cut it the short way.
+// Morton codes. The grid's cells are cubes, or up to twice as long along a flat scene's short axis: were they as flat as the
+// scene, every third bit would cut it the short way.
 template <class Code>
 __global__ void morton_kernel(const Bounds* boxes, uint32_t count, const CenterBounds* centers, Code* codes,
                               uint32_t* references, uint32_t* positions) {
@@ -71,7 +72,8 @@ __global__ void morton_kernel(const Bounds* boxes, uint32_t count, const CenterB
                 unordered(~centers->inverse_hi[2])};
   const float extent = max_component(hi - lo);
   const float scale = extent > 0x1p-100f ? static_cast<float>(1u << kBits) / extent : 0.0f;
-  const Vec3 at = (boxes[i].center() - lo) * scale;
+  const Vec3 longer = max((hi - lo) * (scale / static_cast<float>(1u << kBits)), Vec3(0.5f));
+  const Vec3 at = (boxes[i].center() - lo) * longer * scale;
   const auto cell = [](float x) {
     return static_cast<uint64_t>(clamp(x, 0.0f, static_cast<float>((1u << kBits) - 1)));
   };
