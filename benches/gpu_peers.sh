@@ -25,7 +25,7 @@ for name in "$@"; do
   case $name in
     warp) python3 benches/peers.py --device cuda --only rays --ray-spp 16 --repeat 7 mesh1m >"$OUT/peers-rays.json" ;;
     mitsuba)
-      python3 benches/peers.py --device cuda --only renders --spp 256 --repeat 5 --timeout 120 --pictures "$OUT/pictures" \
+      python3 benches/peers.py --device cuda --only renders --spp 256 --repeat 5 --timeout 120 \
         book1 cornell:1:1024x1024 mesh1m interior instances-100 >"$OUT/peers-renders.json"
       python3 benches/peers.py --device cuda --only renders --spp 256 --repeat 5 --peers "destello,destello mis" instances \
         >>"$OUT/peers-renders.json"
