@@ -65,18 +65,38 @@ def mesh_of(folder: Path, number: int, smooth: bool) -> Any:
     return made
 
 
+def of_the_object(material: Any) -> Any:
+    """Lets a material take its colour and roughness from the object, so that objects of many colours can share it."""
+    tree = material.node_tree
+    (shader,) = (node for node in tree.nodes if "Color" in node.inputs and node.outputs)
+    colors = tree.nodes.new("ShaderNodeObjectInfo")
+    tree.links.new(colors.outputs["Color"], shader.inputs["Color"])
+    if "Roughness" in shader.inputs:
+        rough = tree.nodes.new("ShaderNodeAttribute")
+        rough.attribute_type, rough.attribute_name = "OBJECT", "rough"
+        tree.links.new(rough.outputs["Fac"], shader.inputs["Roughness"])
+    return material
+
+
 def add_objects(scene: Any, folder: Path, found: dict[str, Any]) -> None:
-    """Objects that share mesh and material share their data, so that Cycles can instance them."""
-    materials = [node_material(values) for values in found["materials"]]
-    places = np.load(folder / "places.npy")
-    data: dict[tuple[int, int], Any] = {}
-    for entry, place in zip(found["objects"], places, strict=True):
-        key = entry["mesh"], entry["material"]
+    """Cycles shares the tree of objects of one mesh and one material: so materials of one kind become one."""
+    materials = found["materials"]
+    uses: dict[int, set[int]] = {}
+    for entry in found["objects"]:
+        uses.setdefault(entry["mesh"], set()).add(entry["material"])
+    data: dict[tuple[int, str], Any] = {}
+    for entry, place in zip(found["objects"], np.load(folder / "places.npy"), strict=True):
+        values, many = materials[entry["material"]], len(uses[entry["mesh"]]) > 1
+        key = entry["mesh"], values["type"] if many and values["type"] in ("diffuse", "metal") else json.dumps(values)
         if key not in data:
             data[key] = mesh_of(folder, entry["mesh"], found["meshes"][entry["mesh"]]["smooth"])
-            data[key].materials.append(materials[entry["material"]])
+            made_of = node_material(values)
+            data[key].materials.append(of_the_object(made_of) if key[1] == values["type"] else made_of)
         made = bpy.data.objects.new("object", data[key])
         made.matrix_world = Matrix(place.tolist())
+        if "color" in values:
+            made.color = (*values["color"], 1)
+        made["rough"] = math.sqrt(values.get("alpha", 0.0))
         scene.collection.objects.link(made)
 
 

@@ -23,6 +23,8 @@ import argparse
 import importlib
 import importlib.util
 import json
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -119,17 +121,22 @@ def in_a_process(peer: str, entry: Entry, args: argparse.Namespace, rays: str) -
         options["--pictures"] = args.pictures
     words = [str(word) for pair in options.items() for word in pair]
     command = [sys.executable, str(Path(__file__).resolve()), *words, str(entry)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=args.timeout, check=False)
-    except subprocess.TimeoutExpired:
-        print(f"{entry}, {peer}: not finished after {args.timeout:g} s", file=sys.stderr)
-        return []
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, start_new_session=True, **pipes) as process:
+        try:
+            output, errors = process.communicate(timeout=args.timeout)
+        except BaseException as error:
+            os.killpg(process.pid, signal.SIGKILL)  # with what it has started itself
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            print(f"{entry}, {peer}: not finished after {args.timeout:g} s", file=sys.stderr)
+            return []
+    if process.returncode != 0:
+        last = (errors.strip().splitlines() or ["no message"])[-1]
         if "llvm" in peer:
             last += " (it wants libLLVM 19; DRJIT_LIBLLVM_PATH says where)"
-        print(f"{entry}, {peer}: left out (exit code {done.returncode}): {last}", file=sys.stderr)
-    sys.stdout.write(lines := "".join(f"{line}\n" for line in done.stdout.splitlines() if line.startswith("{")))
+        print(f"{entry}, {peer}: left out (exit code {process.returncode}): {last}", file=sys.stderr)
+    sys.stdout.write(lines := "".join(f"{line}\n" for line in output.splitlines() if line.startswith("{")))
     sys.stdout.flush()
     return [json.loads(line) for line in lines.splitlines()]
 

@@ -40,7 +40,7 @@ class Destello:
 
     def __init__(self, scene: Scene, method: str, threads: int) -> None:
         self.method, self.threads = method, threads
-        compiled = scene.compile()
+        compiled = scene.compile(device=method if method.startswith("cuda") else "cpu")
         self.core, self.build_seconds = compiled.core, compiled.stats["build_seconds"]
 
     def measure(self, rays: Any, repeat: int) -> tuple[list[float], float]:
@@ -54,7 +54,7 @@ class Destello:
             rays.length,
             rays.any,
         )
-        return seconds, float((ray_sets.trace(self.core, some, "simd")["leaf"] >= 0).mean())
+        return seconds, float((ray_sets.trace(self.core, some, self.method)["leaf"] >= 0).mean())
 
 
 class Embreex:

@@ -123,7 +123,7 @@ def keep(picture: Any, work: Work, name: str) -> None:
 def destello(scene: Scene, work: Work, light_sampling: str) -> dict[str, Any]:
     """Wall time of `Renderer.render`, the copy of the film and its mean included."""
     began = time.perf_counter()
-    compiled = scene.compile()
+    compiled = scene.compile(device=work.device)
     renderer = _core.Renderer(compiled.core, work.device, 0)
     load = time.perf_counter() - began
     shared = {"max_depth": work.depth, "rr_depth": NO_ROULETTE, "filter": {"type": "box"}}

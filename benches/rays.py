@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import sys
 import time
@@ -121,7 +122,11 @@ def ray_sets(
 
 
 def ray_seconds(core: Any, rays: Rays, method: str, threads: int, repeat: int) -> list[float]:
-    """Seconds of `repeat` runs, after one to warm up. `method`: a traversal of the CPU, or a CUDA device."""
+    """Seconds of `repeat` runs, after one to warm up. `method`: a traversal of the CPU, or a CUDA device.
+
+    `threads`: of the CPU; 0: one a core.
+    """
+    threads = threads or len(os.sched_getaffinity(0))
     ends = np.full(len(rays.origins), rays.length, np.float32)
     if not hasattr(TESTING, "time_rays"):
         return _seconds_with_binding(core, rays, method, repeat)
@@ -148,7 +153,7 @@ def measure(core: Any, rays: Rays, method: str, threads: int, repeat: int) -> di
         "kind": rays.kind,
         "method": method,
         "count": count,
-        "hit": float((trace(core, some, "simd")["leaf"] >= 0).mean()),
+        "hit": float((trace(core, some, method)["leaf"] >= 0).mean()),
         "seconds": seconds,
         "Mrays_s": count / seconds / 1e6,
         "ns_per_ray": seconds / count * 1e9,
@@ -160,10 +165,10 @@ def run(entry: str, device: Device, args: argparse.Namespace) -> Iterator[dict[s
     """The figures of an entry. Raises destello.Error or ValueError for a name or detail that there is not."""
     name, _, detail = entry.partition(":")
     scene = scenes.build(name, float(detail or 1))
-    core = scene.compile().core
+    core = scene.compile(build=args.build, device=device.name).core
     cuda = device.kind == "cuda"
     stats = core.stats()
-    shared = {"scene": name, "detail": float(detail or 1), "spp": args.spp, "size": args.size}
+    shared = {"scene": name, "detail": float(detail or 1), "spp": args.spp, "size": args.size, "build": args.build}
     shared |= {key: stats[key] for key in ("triangles", "bvh_bytes", "geometry_bytes", "sah_cost")}
     method, threads = (device.name, 0) if cuda else (args.method, args.threads)
     for rays in ray_sets(scene, core, *args.size, args.ao, spp=args.spp):
@@ -181,6 +186,7 @@ def main() -> int:
     parser.add_argument("--spp", type=int, default=1, help="camera rays a pixel (1); a GPU needs more to be busy")
     parser.add_argument("--ao", type=float, default=0.5, help="length of ambient occlusion's rays in metres (0.5)")
     parser.add_argument("--method", default="simd", help="of the CPU: simd, packet, baseline, groups (simd)")
+    parser.add_argument("--build", default="balanced", help="quality of the tree: fast, balanced, high (balanced)")
     parser.add_argument("--repeat", type=int, default=5)
     args = parser.parse_args()
     for entry in args.scenes:

@@ -117,7 +117,7 @@ def test_build_reports_sizes(files):
     assert mesh["geometry_bytes_per_triangle"] > 36
     assert spheres["bvh_bytes_per_triangle"] is None
     assert mesh["device"] == "CPU"
-    assert "mesh1m:0.002: 2000 triangles" in done.stderr
+    assert "mesh1m:0.002, balanced: 2000 triangles" in done.stderr
     (path,) = files(done.stdout)
     assert run("compare", path, path).returncode == 0
 
@@ -155,6 +155,42 @@ def test_camera_rays_are_the_cameras():
     assert (seen == hit).mean() > 0.93  # but at the edges
     both = hit & seen
     assert np.median(np.abs(hits["t"].reshape(36, 64)[both] / depth[both] - 1)) < 0.05
+
+
+# --- plots ------------------------------------------------------------------------------------------------------------
+
+
+def points(figure, **shared):
+    return [
+        {"scene": "a", "device": "X", "device_name": "cpu", "triangles": n, figure: n / 7, **shared} for n in (9, 4)
+    ]
+
+
+def test_curves_go_from_few_triangles_to_many():
+    plot = script("plot")
+    entries = [*points("Mrays_s", kind="ao"), *points("Mrays_s", kind="primary"), {"kind": "ao", "triangles": 0}]
+    found = plot.curves(entries, "Mrays_s", "kind")
+    assert found == {("ao",): [(4, 4 / 7), (9, 9 / 7)], ("primary",): [(4, 4 / 7), (9, 9 / 7)]}
+    again = {**entries[0], "Mrays_s": 5.0}
+    assert plot.curves([*entries, again], "Mrays_s", "kind")["ao",] == [(4, 4 / 7), (9, 5.0)]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_plot_for_each_device_and_one_of_builds(files, tmp_path):
+    pytest.importorskip("matplotlib")
+    shared = {"cpu": "Some CPU", "cores": 2, "threads": 0}
+    rays = [*points("Mrays_s", kind="ao", method="simd", **shared)]
+    rays += [{**entry, "device": "H100", "device_name": "cuda:0", "method": "cuda:0"} for entry in rays]
+    builds = points("build_seconds", kind="build", build="fast", **shared)
+    paths = files([{**entry, "detail": i} for i, entry in enumerate(rays + builds)])
+    done = run("plot", *paths, "-o", tmp_path / "plots")
+    assert done.returncode == 0, done.stderr
+    names = ["build.svg", "rays-cpu.svg", "rays-cuda.svg"]
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == names
+    assert "Some CPU, 2 threads, fast" in (tmp_path / "plots" / "build.svg").read_text()
+    before = [(tmp_path / "plots" / name).read_bytes() for name in names]
+    run("plot", *paths, "-o", tmp_path / "plots")
+    assert before == [(tmp_path / "plots" / name).read_bytes() for name in names]
 
 
 # --- peers ------------------------------------------------------------------------------------------------------------
