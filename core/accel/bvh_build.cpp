@@ -1,10 +1,11 @@
 #include "accel/bvh_build.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "accel/wide_node.h"
 
 namespace destello {
 
@@ -149,141 +150,33 @@ class Collapser {
     for (size_t i = 0; i < todo.size(); ++i) {  // breadth first: the top of the tree lies together
       const Todo t = todo[i];
       stats->depth = std::max(stats->depth, t.depth);
-      uint32_t children[8], count = choose_children(t.binary, children);
-      int slots[8];
-      assign_slots(binary_.nodes()[t.binary].bounds, children, count, slots);
-      cost += binary_.nodes()[t.binary].bounds.half_area() / root_area;
-      uint32_t by_slot[8];
-      std::fill(by_slot, by_slot + 8, kNone);
-      for (uint32_t c = 0; c < count; ++c) by_slot[slots[c]] = children[c];
+      const Subtree top = subtree(t.binary);
+      Subtree children[8], by_slot[8];
+      const uint32_t count = choose_children([&](uint32_t n) { return subtree(n); }, top, children);
+      const uint32_t slots = assign_slots(top.bounds, children, count);
+      for (uint32_t c = 0; c < count; ++c) by_slot[slots >> (4 * c) & 15] = children[c];
+      cost += top.bounds.half_area() / root_area;
       const uint32_t first_child = static_cast<uint32_t>(nodes_->size());
-      for (uint32_t s = 0; s < 8; ++s) {
-        if (by_slot[s] == kNone) continue;
-        const BinaryNode& b = binary_.nodes()[by_slot[s]];
-        if (b.count > kMaxLeafPrimitives) {
-          todo.push_back({by_slot[s], static_cast<uint32_t>(nodes_->size()), t.depth + 1});
+      const uint32_t first_leaf = first_leaf_ + static_cast<uint32_t>(order_->size());
+      for (const Subtree& s : by_slot) {
+        if (s.is_inner()) {
+          todo.push_back({s.index, static_cast<uint32_t>(nodes_->size()), t.depth + 1});
           nodes_->emplace_back();
         } else {
-          cost += b.bounds.half_area() / root_area * static_cast<float>(b.count);
+          cost += s.bounds.half_area() / root_area * static_cast<float>(s.count);
+          const uint32_t first = binary_.nodes()[s.index].first;
+          for (uint32_t k = 0; k < s.count; ++k) order_->push_back(binary_.item(first + k));
         }
       }
-      (*nodes_)[t.wide] = make_node(binary_.nodes()[t.binary].bounds, by_slot, first_child);
+      (*nodes_)[t.wide] = make_node(top.bounds, by_slot, first_child, first_leaf);
     }
     stats->sah_cost = static_cast<float>(cost);
   }
 
  private:
-  static constexpr uint32_t kNone = 0xffffffffU;
-  static constexpr float kBlur = 2.0f;
-
-  // Opens the largest child until there are eight; subtrees that fit a leaf are opened last.
-  uint32_t choose_children(uint32_t root, uint32_t* children) const {
-    const auto& nodes = binary_.nodes();
-    uint32_t count = 0;
-    if (nodes[root].count == 1) {
-      children[count++] = root;
-      return count;
-    }
-    children[count++] = nodes[root].left;
-    children[count++] = nodes[root].right;
-    while (count < 8) {
-      int best = -1;
-      for (uint32_t i = 0; i < count; ++i) {
-        const BinaryNode& n = nodes[children[i]];
-        if (n.count == 1 || blurs(nodes[root].bounds, n)) continue;
-        if (best < 0) {
-          best = static_cast<int>(i);
-          continue;
-        }
-        const BinaryNode& b = nodes[children[best]];
-        const bool n_inner = n.count > kMaxLeafPrimitives, b_inner = b.count > kMaxLeafPrimitives;
-        if (n_inner != b_inner ? n_inner : n.bounds.half_area() > b.bounds.half_area()) best = static_cast<int>(i);
-      }
-      if (best < 0) break;
-      const uint32_t opened = children[best];
-      children[best] = nodes[opened].left;
-      children[count++] = nodes[opened].right;
-    }
-    return count;
-  }
-
-  // True if the parent's grid is too coarse for n's children: rounded outwards to it they would be hit far more often than
-  // they deserve, as happens beside something huge. n then stays a child, with a grid of its own inside.
-  bool blurs(const Bounds& parent, const BinaryNode& n) const {
-    if (n.count <= kMaxLeafPrimitives) return false;
-    const Vec3 quantum = parent.extent() * (1.0f / 128);
-    const auto inflated = [&](const Bounds& b) {
-      const Vec3 e = b.extent() + quantum;
-      return e.x * e.y + e.y * e.z + e.z * e.x;
-    };
-    const Bounds &a = binary_.nodes()[n.left].bounds, &b = binary_.nodes()[n.right].bounds;
-    return inflated(a) + inflated(b) > kBlur * (a.half_area() + b.half_area());
-  }
-
-  // Greedy assignment of children to the octants in which they lie (Ylitie et al. 2017, section 3.2).
-  void assign_slots(const Bounds& bounds, const uint32_t* children, uint32_t count, int* slots) const {
-    float gain[8][8];  // of a child in a slot
-    const Vec3 center = bounds.center();
-    for (uint32_t c = 0; c < count; ++c) {
-      const Vec3 d = binary_.nodes()[children[c]].bounds.center() - center;
-      for (int s = 0; s < 8; ++s) gain[c][s] = (s & 1 ? d.x : -d.x) + (s & 2 ? d.y : -d.y) + (s & 4 ? d.z : -d.z);
-    }
-    uint32_t slots_taken = 0;
-    std::fill(slots, slots + count, -1);
-    for (uint32_t round = 0; round < count; ++round) {
-      uint32_t child = kNone;
-      int slot = 0;
-      for (uint32_t c = 0; c < count; ++c) {
-        if (slots[c] >= 0) continue;
-        for (int s = 0; s < 8; ++s) {
-          if (slots_taken >> s & 1 || (child != kNone && !(gain[c][s] > gain[child][slot]))) continue;
-          child = c;
-          slot = s;
-        }
-      }
-      slots[child] = slot;
-      slots_taken |= 1u << slot;
-    }
-  }
-
-  Node8 make_node(const Bounds& bounds, const uint32_t* by_slot, uint32_t first_child) {
-    Node8 node;
-    float origin[3], step[3];
-    for (int k = 0; k < 3; ++k) {
-      // Boxes occupy 1..254 of the grid; a flat node gets a quantum that its coordinates can resolve.
-      const float magnitude = std::max(std::fabs(bounds.lo[k]), std::fabs(bounds.hi[k]));
-      const float wanted = std::max({(bounds.hi[k] - bounds.lo[k]) / 252.0f, magnitude * 0x1p-21f, 0x1p-100f});
-      const int exponent = static_cast<int>(std::ceil(std::log2(wanted)));
-      step[k] = std::ldexp(1.0f, exponent);
-      origin[k] = bounds.lo[k] - step[k];
-      node.exponent[k] = static_cast<uint8_t>(exponent + 127);
-    }
-    node.origin = {origin[0], origin[1], origin[2]};
-    node.first_child = first_child;
-    node.first_leaf = first_leaf_ + static_cast<uint32_t>(order_->size());
-    uint32_t leaf_position = 0;
-    for (uint32_t s = 0; s < 8; ++s) {
-      if (by_slot[s] == kNone) continue;
-      const BinaryNode& b = binary_.nodes()[by_slot[s]];
-      for (int k = 0; k < 3; ++k) {
-        constexpr float kSlack = 1.0f / 64;
-        const float lo = std::floor((b.bounds.lo[k] - origin[k]) / step[k] - kSlack);
-        const float hi = std::ceil((b.bounds.hi[k] - origin[k]) / step[k] + kSlack);
-        assert(lo >= 0 && hi <= 255);
-        node.lo[k][s] = static_cast<uint8_t>(lo);
-        node.hi[k][s] = static_cast<uint8_t>(hi);
-      }
-      if (b.count > kMaxLeafPrimitives) {
-        node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
-        node.meta[s] = static_cast<uint8_t>(0x20u | (24 + s));
-      } else {
-        const uint32_t unary = (1u << b.count) - 1;
-        node.meta[s] = static_cast<uint8_t>(unary << 5 | leaf_position);
-        leaf_position += b.count;
-        for (uint32_t i = 0; i < b.count; ++i) order_->push_back(binary_.item(b.first + i));
-      }
-    }
-    return node;
+  Subtree subtree(uint32_t i) const {
+    const BinaryNode& b = binary_.nodes()[i];
+    return {b.bounds, i, b.left, b.right, b.count};
   }
 
   const BinaryBuilder& binary_;

@@ -3,26 +3,10 @@
 
 #include <vector>
 
+#include "accel/bounds.h"
 #include "accel/bvh.h"
 
 namespace destello {
-
-struct Bounds {
-  Vec3 lo{kInfinity, kInfinity, kInfinity};
-  Vec3 hi{-kInfinity, -kInfinity, -kInfinity};
-
-  void grow(Vec3 p) { lo = min(lo, p), hi = max(hi, p); }
-  void grow(const Bounds& b) { lo = min(lo, b.lo), hi = max(hi, b.hi); }
-  bool empty() const { return !(lo.x <= hi.x); }
-  Vec3 extent() const { return hi - lo; }
-  Vec3 center() const { return lo * 0.5f + hi * 0.5f; }
-  // Half the surface area; 0 when empty.
-  float half_area() const {
-    if (empty()) return 0;
-    const Vec3 e = extent();
-    return e.x * e.y + e.y * e.z + e.z * e.x;
-  }
-};
 
 // Bounds of the box's image under the transform.
 Bounds transform_bounds(const Transform& t, const Bounds& b);

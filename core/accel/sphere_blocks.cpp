@@ -8,12 +8,7 @@ namespace destello {
 namespace {
 
 // How many leaf primitives follow node.first_leaf.
-uint32_t leaf_count(const Node8& node) {
-  uint32_t n = 0;
-  for (const uint8_t meta : node.meta)
-    if (meta != 0 && (meta & 0x18u) != 0x18u) n += static_cast<uint32_t>(count_bits(meta >> 5));
-  return n;
-}
+uint32_t leaf_count(const Node8& node) { return static_cast<uint32_t>(count_bits(node.children & kLeafBits)); }
 
 SphereBlock make_block(const LeafPrimitive* spheres, uint32_t first, uint32_t count) {
   SphereBlock b;

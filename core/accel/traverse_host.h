@@ -93,9 +93,7 @@ inline __attribute__((always_inline)) uint32_t HostNodeTest::boxes(const Node8& 
 }
 
 inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near_out) const {
-  const __m128i meta = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(node.meta));
-  const uint32_t empty = static_cast<uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(meta, _mm_setzero_si128())));
-  return boxes(node, t_max, near_out) & ~empty;
+  return boxes(node, t_max, near_out) & node.used;
 }
 
 // Operation by operation what intersect_sphere does.
@@ -170,10 +168,7 @@ inline uint32_t HostNodeTest::boxes(const Node8& node, float t_max, float* near)
 }
 
 inline uint32_t HostNodeTest::hits(const Node8& node, float t_max, float* near) const {
-  uint32_t mask = boxes(node, t_max, near);
-  for (uint32_t i = 0; i < 8; ++i)
-    if (node.meta[i] == 0) mask &= ~(1u << i);
-  return mask;
+  return boxes(node, t_max, near) & node.used;
 }
 
 inline int HostBlockTest::hit(const SphereBlock& block, float* t_hit) const {
@@ -198,11 +193,11 @@ struct HostEntry {
 };
 
 inline HostEntry host_child(const Node8& node, uint32_t slot, float near) {
-  const uint32_t meta = node.meta[slot];
-  if ((meta & 0x18u) == 0x18u) {
+  if (node.is_inner(slot))
     return {node.first_child + static_cast<uint32_t>(count_bits(node.inner_mask & ((1u << slot) - 1))), 0, near};
-  }
-  return {node.first_leaf + (meta & 0x1fu), static_cast<uint32_t>(count_bits(meta >> 5)), near};
+  const uint32_t before = node.children & ((1u << (3 * slot)) - 1);
+  return {node.first_leaf + static_cast<uint32_t>(count_bits(before)),
+          static_cast<uint32_t>(count_bits(node.leaf_bits(slot))), near};
 }
 
 // Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first. kInner: they are nodes.

@@ -42,6 +42,9 @@ struct DeviceInfo {
 
 #if defined(DST_HAS_CUDA)
 std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device);
+// Traces rays `repeat` times, after copying all that is needed; returns each time's seconds on the device. any: any hit will do.
+std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::vector<Ray>& rays, bool any,
+                                    uint32_t repeat, std::vector<Hit>* hits);
 std::vector<DeviceInfo> cuda_devices();
 // Empty if CUDA devices can be used, else why not.
 std::string cuda_problem();

@@ -232,7 +232,11 @@ static Span<T> span(const std::vector<T>& v) {
 void SceneBuilder::make_view() {
   const SceneArrays& a = scene_->arrays_;
   SceneView& v = scene_->view_;
-  v.geometry = {a.nodes.data(), a.leaves.data(), a.instances.data(), a.moving.data(), a.instances.empty() ? 0u : 1u};
+  v.geometry.nodes = a.nodes.data();
+  v.geometry.leaves = a.leaves.data();
+  v.geometry.instances = a.instances.data();
+  v.geometry.moving = a.moving.data();
+  v.geometry.has_instances = !a.instances.empty();
   v.geometry.only_blocks = a.only_blocks && a.instances.empty();
   v.geometry.blocks = a.blocks.data();
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();

@@ -1,0 +1,158 @@
+// How subtrees of a binary tree become one wide node: which ones, in which slots, and the node's bytes. Every builder, of
+// the host and the device, collapses with this, and refitting writes its nodes with it.
+#pragma once
+
+#include "accel/bounds.h"
+#include "accel/bvh.h"
+
+namespace destello {
+
+// A node of a binary tree as the collapse sees it. `count`: primitives below; exact up to kMaxLeafPrimitives.
+struct Subtree {
+  Bounds bounds;
+  uint32_t index = 0;
+  uint32_t left = 0, right = 0;  // if count > 1
+  uint32_t count = 0;            // 0: none
+
+  DST_HD bool empty() const { return count == 0; }
+  DST_HD bool is_inner() const { return count > static_cast<uint32_t>(kMaxLeafPrimitives); }
+};
+
+// True if the parent's grid is too coarse for n's children: rounded outwards to it they would be hit far more often than
+// they deserve, as happens beside something huge. n then stays a child, with a grid of its own inside.
+DST_FN bool blurs(const Bounds& parent, const Bounds& left, const Bounds& right) {
+  constexpr float kBlur = 2.0f;
+  const Vec3 quantum = parent.extent() * (1.0f / 128);
+  const Vec3 a = left.extent() + quantum, b = right.extent() + quantum;
+  const float inflated = a.x * a.y + a.y * a.z + a.z * a.x + (b.x * b.y + b.y * b.z + b.z * b.x);
+  return inflated > kBlur * (left.half_area() + right.half_area());
+}
+
+// The up to eight subtrees that become children of the node over `root`: the largest is opened until there are eight;
+// subtrees that fit a leaf are opened last. `tree(i)` returns the Subtree of index i. Returns their number.
+template <class Tree>
+DST_FN uint32_t choose_children(const Tree& tree, const Subtree& root, Subtree* children) {
+  if (root.count <= 1) {
+    children[0] = root;
+    return root.count;
+  }
+  enum : uint8_t { kClosed, kLeaf, kInner };
+  uint8_t kind[8];
+  float area[8];
+  const auto put = [&](uint32_t at, uint32_t index) {
+    const Subtree s = tree(index);
+    children[at] = s;
+    area[at] = s.bounds.half_area();
+    kind[at] = s.count == 1                                                    ? kClosed
+               : !s.is_inner()                                                 ? kLeaf
+               : blurs(root.bounds, tree(s.left).bounds, tree(s.right).bounds) ? kClosed
+                                                                               : kInner;
+  };
+  put(0, root.left);
+  put(1, root.right);
+  uint32_t count = 2;
+  while (count < 8) {
+    uint32_t best = 0;
+    for (uint32_t i = 1; i < count; ++i)
+      if (kind[i] != kind[best] ? kind[i] > kind[best] : area[i] > area[best]) best = i;
+    if (kind[best] == kClosed) break;
+    const Subtree opened = children[best];
+    put(best, opened.left);
+    put(count++, opened.right);
+  }
+  return count;
+}
+
+// The free slot whose octant lies furthest the way `d` points, and by how much.
+DST_FN uint32_t best_slot(Vec3 d, uint32_t taken, float* gain) {
+  uint32_t best = 8;
+  for (uint32_t s = 0; s < 8; ++s) {
+    const float g = (s & 1 ? d.x : -d.x) + (s & 2 ? d.y : -d.y) + (s & 4 ? d.z : -d.z);
+    if (taken >> s & 1 || (best < 8 && !(g > *gain))) continue;
+    best = s;
+    *gain = g;
+  }
+  return best;
+}
+
+// Greedy assignment of children to the octants in which they lie (Ylitie et al. 2017, section 3.2): the pair of child and
+// slot that gains most goes first. Child i's slot is bits 4 i to 4 i + 3 of the result.
+DST_FN uint32_t assign_slots(const Bounds& parent, const Subtree* children, uint32_t count) {
+  const Vec3 center = parent.center();
+  float gain[8];
+  uint32_t slots = 0, taken = 0, waiting = (1u << count) - 1;
+  uint32_t stale = waiting;  // children whose best slot was taken
+  while (waiting != 0) {
+    uint32_t next = 8;
+    for (uint32_t c = 0; c < count; ++c) {
+      if (!(waiting >> c & 1)) continue;
+      if (stale >> c & 1)
+        slots = (slots & ~(15u << (4 * c))) | best_slot(children[c].bounds.center() - center, taken, &gain[c])
+                                                  << (4 * c);
+      if (next == 8 || gain[c] > gain[next]) next = c;
+    }
+    const uint32_t slot = slots >> (4 * next) & 15;
+    taken |= 1u << slot;
+    waiting &= ~(1u << next);
+    stale = 0;
+    for (uint32_t c = 0; c < count; ++c)
+      if (waiting >> c & 1 && (slots >> (4 * c) & 15) == slot) stale |= 1u << c;
+  }
+  return slots;
+}
+
+// The smallest n with 2^n >= x; x is positive and not subnormal.
+DST_FN int ceil_log2(float x) {
+  const int32_t bits = float_to_bits(x);
+  return (bits >> 23) - 127 + ((bits & 0x7fffff) != 0 ? 1 : 0);
+}
+
+// Sets the grid on which a node over `bounds` stores its children.
+DST_FN void set_grid(const Bounds& bounds, Node8* node) {
+  float origin[3];
+  for (int k = 0; k < 3; ++k) {
+    // Boxes occupy 1..254 of the grid; a flat node gets a quantum that its coordinates can resolve.
+    const float magnitude = max(fabsf(bounds.lo[k]), fabsf(bounds.hi[k]));
+    const float wanted = max(max((bounds.hi[k] - bounds.lo[k]) / 252.0f, magnitude * 0x1p-21f), 0x1p-100f);
+    const int biased = min(ceil_log2(wanted) + 127, 253);
+    origin[k] = bounds.lo[k] - bits_to_float(static_cast<uint32_t>(biased) << 23);
+    node->exponent[k] = static_cast<uint8_t>(biased);
+  }
+  node->origin = {origin[0], origin[1], origin[2]};
+}
+
+// Writes the box of child `slot` on the grid, rounded outwards with the slack that Node8 promises.
+DST_FN void set_child_box(const Bounds& box, uint32_t slot, Node8* node) {
+  constexpr float kSlack = 1.0f / 64;
+  for (int k = 0; k < 3; ++k) {
+    const float per_step = bits_to_float((254u - node->exponent[k]) << 23);
+    const float lo = floorf((box.lo[k] - node->origin[k]) * per_step - kSlack);
+    const float hi = ceilf((box.hi[k] - node->origin[k]) * per_step + kSlack);
+    node->lo[k][slot] = static_cast<uint8_t>(clamp(lo, 0.0f, 255.0f));
+    node->hi[k][slot] = static_cast<uint8_t>(clamp(hi, 0.0f, 255.0f));
+  }
+}
+
+// A node whose child in slot s is by_slot[s]. Inner children are nodes from `first_child` on, primitives of the leaf
+// children lie from `first_leaf` on, both in slot order.
+DST_FN Node8 make_node(const Bounds& bounds, const Subtree* by_slot, uint32_t first_child, uint32_t first_leaf) {
+  Node8 node;
+  set_grid(bounds, &node);
+  node.first_child = first_child;
+  node.first_leaf = first_leaf;
+  for (uint32_t s = 0; s < 8; ++s) {
+    const Subtree& child = by_slot[s];
+    if (child.empty()) continue;
+    node.used |= 1u << s;
+    set_child_box(child.bounds, s, &node);
+    if (child.is_inner()) {
+      node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
+      node.children |= 1u << (24 + s);
+    } else {
+      node.children |= ((1u << child.count) - 1) << (3 * s);
+    }
+  }
+  return node;
+}
+
+}  // namespace destello
