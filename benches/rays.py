@@ -18,7 +18,6 @@ import json
 import os
 import statistics
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -128,19 +127,8 @@ def ray_seconds(core: Any, rays: Rays, method: str, threads: int, repeat: int) -
     """
     threads = threads or len(os.sched_getaffinity(0))
     ends = np.full(len(rays.origins), rays.length, np.float32)
-    if not hasattr(TESTING, "time_rays"):
-        return _seconds_with_binding(core, rays, method, repeat)
     seconds = TESTING.time_rays(core, rays.origins, rays.directions, ends, rays.any, method, threads, repeat + 1)
     return [float(s) for s in seconds[1:]]
-
-
-def _seconds_with_binding(core: Any, rays: Rays, method: str, repeat: int) -> list[float]:
-    seconds = []
-    for _ in range(repeat + 1):
-        began = time.perf_counter()
-        trace(core, rays, method)
-        seconds.append(time.perf_counter() - began)
-    return seconds[1:]
 
 
 def measure(core: Any, rays: Rays, method: str, threads: int, repeat: int) -> dict[str, Any]:
