@@ -7,9 +7,12 @@
 # Run in the repository's root. $PEERS (default: .peers) holds warp.tar.xz and mitsuba.tar.xz: what `pip install --target`
 # makes of warp-lang==1.19.0, and of mitsuba==3.9.1 with drjit==1.5.0; where they are missing, those that Python finds are
 # taken. JSON goes to $OUT (default: build/gpu). $SITE (default: build/site) gets destello unless Python finds one.
+# SPP, RAY_SPP and REPEAT: samples a pixel of renders (256), camera rays a pixel (16), runs that count (5).
 set -uo pipefail
 OUT=${OUT:-build/gpu} PEERS=${PEERS:-.peers} SITE=${SITE:-build/site}
+SPP=${SPP:-256} RAY_SPP=${RAY_SPP:-16} REPEAT=${REPEAT:-5}
 mkdir -p "$OUT" "$SITE"
+SITE=$(realpath "$SITE")
 for name in "$@"; do
   if [ -f "$PEERS/$name.tar.xz" ]; then tar xJf "$PEERS/$name.tar.xz" -C "$SITE" || exit 1; fi
 done
@@ -23,11 +26,11 @@ fi
 nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader | tee "$OUT/device.txt"
 for name in "$@"; do
   case $name in
-    warp) python3 benches/peers.py --device cuda --only rays --ray-spp 16 --repeat 7 mesh1m >"$OUT/peers-rays.json" ;;
+    warp) python3 benches/peers.py --device cuda --only rays --ray-spp "$RAY_SPP" --repeat "$REPEAT" mesh1m >"$OUT/peers-rays.json" ;;
     mitsuba)
-      python3 benches/peers.py --device cuda --only renders --spp 256 --repeat 5 --timeout 120 \
+      python3 benches/peers.py --device cuda --only renders --spp "$SPP" --repeat "$REPEAT" --timeout 120 \
         book1 cornell:1:1024x1024 mesh1m interior instances-100 >"$OUT/peers-renders.json"
-      python3 benches/peers.py --device cuda --only renders --spp 256 --repeat 5 --peers "destello,destello mis" instances \
+      python3 benches/peers.py --device cuda --only renders --spp "$SPP" --repeat "$REPEAT" --peers "destello,destello mis" instances \
         >>"$OUT/peers-renders.json"
       ;;
     *) echo "gpu_peers.sh: $name: expected warp or mitsuba" >&2; exit 2 ;;
