@@ -17,6 +17,9 @@ struct RenderCounts {
   uint64_t samples = 0;       // whole samples
   uint64_t nonfinite = 0;     // samples dropped because arithmetic failed
   double device_seconds = 0;  // of the render kernels alone; 0 on the CPU
+  uint64_t paths = 0;         // that are under way at once, and the bytes that each of them takes
+  uint64_t path_bytes = 0;
+  uint64_t path_device_bytes = 0;  // of all paths together in the device's memory; 0: they live on the chip
 };
 
 class Backend {
