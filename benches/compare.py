@@ -1,6 +1,7 @@
 """Ratios of two runs, entry by entry, the worst first. Reads what the scripts here and `destello bench --json` write.
 
     python benches/compare.py before.json after.json --threshold 0.05
+    python benches/compare.py peers.json                                   # destello against the others of one run
 
 An entry is compared with the one of the same scene, size, samples, depth, detail, device and so on. A ratio above 1
 means that the second run is better, whether more or less of that figure is good. Exit codes: 0; 1: with --threshold,
@@ -12,14 +13,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 # Two entries are the same measurement if they agree in all of these.
 IDENTITY = (
-    "scene", "size", "spp", "max_depth", "detail", "device", "threads", "peer", "kind", "count", "method",
+    "scene", "size", "spp", "max_depth", "detail", "device", "threads", "peer", "kind", "count", "method", "build",
     "target_relative_mse", "reference_spp",
 )  # fmt: skip
 
@@ -35,6 +36,7 @@ FIGURES = {
     "sah_cost": -1,
     "bvh_bytes_per_triangle": -1,
 }
+_OTHER_HITS, _OTHER_PICTURE = 0.01, 0.02  # from where it is said that peers did not do the same
 _TOO_SMALL_TO_TIME = 1000  # triangles: below, a build's time says nothing
 
 Entries = dict[tuple[str, ...], dict[str, Any]]
@@ -123,17 +125,53 @@ def label(entry: dict[str, Any]) -> str:
     return ", ".join(words)
 
 
+def peer_ratios(results: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """Lines that set each peer of a run of `peers.py` against destello in the same run."""
+    results = list(results)
+
+    def measured(result: dict[str, Any]) -> tuple[Any, ...]:
+        return tuple(json.dumps(result.get(name)) for name in ("scene", "detail", "size", "kind", "ray_threads"))
+
+    own = {measured(r): r for r in results if r["peer"] in ("destello", "destello rays", "destello rays, 1 thread")}
+    for r in results:
+        figure = "Msamples_s" if "Msamples_s" in r else "Mrays_s"
+        name = r["scene"] if r["detail"] == 1 else f"{r['scene']}:{r['detail']:g}"
+        line = f"{name:<16}{r['kind']:<10}{r['peer']:<26}{r[figure]:>9.4g} {figure[:-2]}/s"
+        mine = own.get(measured(r))
+        if mine is not None and mine is not r:
+            line += f"   destello: {mine[figure] / r[figure]:.2f} times that"
+            line += "".join(_differences(mine, r))
+        yield line
+
+
+def _differences(mine: dict[str, Any], other: dict[str, Any]) -> Iterator[str]:
+    """What else there is to say of two measurements: less noise a sample, or not the same picture or hits."""
+    if mine.get("relative_mse") and other.get("relative_mse"):
+        noise = mine["relative_mse"] / other["relative_mse"]
+        speed = mine["Msamples_s"] / other["Msamples_s"]
+        yield f", {speed / noise:.2f} for the same noise"
+    if abs(mine.get("hit", 0) - other.get("hit", 0)) > _OTHER_HITS:
+        yield f", BUT {other['hit']:.1%} of the rays hit instead of {mine['hit']:.1%}"
+    if "mean" in mine and "mean" in other:
+        off = max(abs(a - b) / max(a, b, 1e-9) for a, b in zip(mine["mean"], other["mean"], strict=True))
+        if off > _OTHER_PICTURE:
+            yield f", BUT the picture's mean is {other['mean']} instead of {mine['mean']}"
+
+
 def main() -> int:
     """Prints the table; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("before", type=Path, metavar="A.json")
-    parser.add_argument("after", type=Path, metavar="B.json")
+    parser.add_argument("after", type=Path, metavar="B.json", nargs="?", help="without it: peers within A.json")
     parser.add_argument("--threshold", type=float, metavar="T", help="fail if a ratio is below 1 - T; 0.05: by 5 %%")
     args = parser.parse_args()
     if args.threshold is not None and not 0 <= args.threshold < 1:
         parser.error(f"argument --threshold: {args.threshold} (expected 0 or more, below 1)")
     try:
-        before, after = read(args.before), read(args.after)
+        before = read(args.before)
+        if args.after is None:
+            return _print_peers(args.before, before)
+        after = read(args.after)
     except Unreadable as error:
         print(f"compare.py: {error}", file=sys.stderr)
         return 2
@@ -151,6 +189,15 @@ def main() -> int:
     if fallen:
         print(f"{len(fallen)} of {len(ratios)} figures fell by more than {args.threshold:.0%}", file=sys.stderr)
     return 1 if fallen else 0
+
+
+def _print_peers(path: Path, run: Entries) -> int:
+    results = [entry for entry in run.values() if "peer" in entry]
+    if not results:
+        raise Unreadable(f"{path}: no peers in it (expected a file of peers.py, or a second file to compare with)")
+    for line in peer_ratios(results):
+        print(line)
+    return 0
 
 
 if __name__ == "__main__":

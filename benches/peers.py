@@ -1,14 +1,20 @@
-"""destello beside Mitsuba 3, embreex and Warp: the same geometry, camera and depth, in one run.
+"""destello beside Mitsuba 3, Cycles, Embree and Warp: the same geometry, camera and depth, in one run.
 
     pip install mitsuba==3.9.1 embreex warp-lang==1.19.0      # those wanted; what is missing is said and left out
-    python benches/peers.py --device cpu --size 320x180 cornell mesh1m:0.1 > peers.json
+    python benches/peers.py --device cpu --scale 0.25 cornell mesh1m:0.1 > peers.json
 
-Prints lines of JSON, then, on standard error, ratios. Each entry is SCENE[:DETAIL]. Whole renders (Mitsuba): 8
-segments, no Russian roulette, box filter, wall time of a render with its copy to the host, the median of --repeat
-after one to warm up. Rays alone (embreex, Warp), in scenes of meshes without instances: the rays of `rays.py`.
-embreex, Warp's CPU device and destello's testing binding each use one thread. On a GPU destello's tracer can only be
-measured by renders. Every measurement runs in a process of its own, so one that crashes or hangs does not end the
-others.
+Prints lines of JSON, then, on standard error, the ratios, which `compare.py peers.json` prints again. An entry is
+SCENE[:DETAIL[:WxH]]; without a size it is the scene's own times --scale.
+
+Whole renders (`peers_render.py`): 8 segments, no Russian roulette, box filter, the same samples a pixel; wall time of a
+render with the copy of its picture, the median of --repeat after one to warm up. Of destello twice where the sky is
+even or a gradient: as it comes, and with a shadow ray to the sky at every hit, as the others do (`destello mis`).
+
+Rays alone (`peers_rays.py`), in scenes of meshes without instances: the rays of `rays.py`. Threads are as said:
+embreex and Warp's CPU device have one, so destello is measured with one and with all.
+
+Cycles runs in the Python that has bpy: this one, or that of --cycles-python. Every measurement runs in a process of its
+own, so one that crashes or hangs does not end the others.
 """
 
 from __future__ import annotations
@@ -17,266 +23,178 @@ import argparse
 import importlib
 import importlib.util
 import json
-import statistics
+import os
+import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from destello import Error, _core, filters, scenes
+from destello import Error, scenes
 from destello.device import choose
-from destello.geometry import mesh_arrays
 from destello.machine import about
 
 if TYPE_CHECKING:
     from destello.scene import Scene
 
-NEEDS = {"mitsuba": "mitsuba==3.9.1", "embreex": "embreex", "warp": "warp-lang==1.19.0"}
+NEEDS = {"mitsuba": "mitsuba==3.9.1", "embreex": "embreex", "warp": "warp-lang==1.19.0", "cycles": "bpy==5.0.*"}
+MODULES = {"cycles": "bpy"}
 RENDERERS = {
-    "cpu": ("destello", "mitsuba:llvm_ad_rgb", "mitsuba:scalar_rgb"),
-    "cuda": ("destello", "mitsuba:cuda_ad_rgb"),
+    "cpu": ("destello", "destello mis", "mitsuba:llvm_ad_rgb", "mitsuba:scalar_rgb", "cycles"),
+    "cuda": ("destello", "destello mis", "mitsuba:cuda_ad_rgb"),
 }
-TRACERS = {"cpu": ("destello rays", "embreex", "warp"), "cuda": ("warp",)}
-AO_METRES = 0.5
-NO_ROULETTE = 65535
+TRACERS = {
+    "cpu": ("destello rays", "destello rays, 1 thread", "embreex", "warp:sah"),
+    "cuda": ("destello rays", "warp:cubql", "warp:sah", "warp:lbvh"),
+}
+NOT_SAMPLED_BY_ITSELF = ("constant", "gradient")  # skies towards which destello sends no shadow rays
 
 
-def timed(call: Callable[[], Any], repeat: int) -> float:
-    """Median seconds of a call, after one to warm up."""
-    runs = []
-    for _ in range(repeat + 1):
-        began = time.perf_counter()
-        call()
-        runs.append(time.perf_counter() - began)
-    return statistics.median(runs[1:])
+@dataclass(frozen=True)
+class Entry:
+    """A scene to measure: its name, its detail, and the size of the picture."""
 
+    name: str
+    detail: float
+    size: tuple[int, int]
 
-# --- whole renders ----------------------------------------------------------------------------------------------------
+    @staticmethod
+    def of(text: str, scale: float) -> Entry:
+        """Raises destello.Error or ValueError."""
+        name, _, rest = text.partition(":")
+        detail, _, size = rest.partition(":")
+        number = float(detail or 1)
+        if not size:
+            film = scenes.build(name, min(number, 1e-4)).film
+            return Entry(name, number, (max(1, round(film.width * scale)), max(1, round(film.height * scale))))
+        width, _, height = size.partition("x")
+        scenes.build(name, min(number, 1e-4))
+        return Entry(name, number, (int(width), int(height)))
 
-
-def render_destello(scene: Scene, args: argparse.Namespace) -> dict[str, Any]:
-    """Rate and mean colour of destello's render."""
-    began = time.perf_counter()
-    compiled = scene.compile()
-    renderer = _core.Renderer(compiled.core, args.device_name, 0)
-    load = time.perf_counter() - began
-    width, height = args.size
-    shared = {"max_depth": args.depth, "rr_depth": NO_ROULETTE, "filter": {"type": "box"}}
-    means: list[Any] = []
-
-    def once() -> None:
-        film = _core.Film(width, height)
-        renderer.render(film, 0, 0, args.spp, {**shared, "seed": len(means)})
-        means.append(film.mean())
-
-    return whole(timed(once, args.repeat), load, means[-1], args)
-
-
-def render_mitsuba(scene: Scene, args: argparse.Namespace, variant: str) -> dict[str, Any]:
-    """The same of Mitsuba's."""
-    mi = importlib.import_module("mitsuba")
-    mi.set_variant(variant)
-    translate = importlib.import_module("mitsuba_scene").translate
-    means: list[Any] = []
-    with tempfile.TemporaryDirectory(prefix="destello-peers-") as folder:
-        made = translate(mi, scene, Path(folder), args.size, args.spp, args.depth)
-        began = time.perf_counter()
-        loaded = mi.load_dict(made)
-        load = time.perf_counter() - began
-
-    def once() -> None:
-        means.append(np.array(mi.render(loaded, spp=args.spp, seed=len(means))))
-
-    return whole(timed(once, args.repeat), load, means[-1], args)
-
-
-def whole(seconds: float, load: float, picture: Any, args: argparse.Namespace) -> dict[str, Any]:
-    """Figures of a render."""
-    width, height = args.size
-    return {
-        "kind": "render",
-        "spp": args.spp,
-        "max_depth": args.depth,
-        "load_seconds": load,
-        "seconds": seconds,
-        "Msamples_s": width * height * args.spp / seconds / 1e6,
-        "mean": [round(float(x), 4) for x in picture.mean((0, 1))],
-    }
-
-
-# --- rays alone -------------------------------------------------------------------------------------------------------
-
-
-def triangles_of(scene: Scene) -> tuple[Any, Any]:
-    """Positions (N, 3) float32 and triangles (M, 3) int32 of a scene of meshes; SystemExit for other scenes."""
-    positions, indices, count = [], [], 0
-    for shape in scene.shapes:
-        if shape.type not in ("mesh", "quad", "box"):
-            raise SystemExit(f"rays alone: not in a scene with a shape of type {shape.type}")
-        arrays, transform = mesh_arrays(shape), shape["transform"]
-        points = arrays["positions"].astype(np.float64)
-        if transform is not None:
-            points = points @ transform.matrix[:3, :3].T + transform.matrix[:3, 3]
-        positions.append(points)
-        indices.append(arrays["indices"].astype(np.int64) + count)
-        count += len(points)
-    return np.concatenate(positions).astype(np.float32), np.concatenate(indices).astype(np.int32)
-
-
-def trace_rays(scene: Scene, args: argparse.Namespace, peer: str) -> Iterator[dict[str, Any]]:
-    """Rates of every kind of ray in the peer's tree."""
-    rays = importlib.import_module("rays")
-    positions, triangles = triangles_of(scene)
-    core = scene.compile().core
-    sets = list(rays.ray_sets(scene, core, *args.size, AO_METRES))
-    began = time.perf_counter()
-    if peer == "embreex":
-        tracer = embreex_tracer(positions, triangles)
-    elif peer == "warp":
-        warp = importlib.import_module("warp_rays")
-        tracer = warp.tracer(positions, triangles, "cuda:0" if args.device == "cuda" else "cpu")
-    else:
-        tracer = destello_tracer(core)
-    build = time.perf_counter() - began
-    for ray_set in sets:
-        call, hit = tracer(ray_set)
-        seconds = timed(call, args.repeat)
-        count = len(ray_set.origins)
-        rate = {"Mrays_s": count / seconds / 1e6, "hit": float(np.mean(hit()))}
-        yield {"kind": ray_set.kind, "count": count, **rate, "prepare_seconds": build}
-
-
-def destello_tracer(core: Any) -> Callable[[Any], tuple[Callable[[], Any], Callable[[], Any]]]:
-    """Destello's own traversal, through the testing binding."""
-    trace = importlib.import_module("rays").trace
-
-    def prepare(rays: Any) -> tuple[Callable[[], Any], Callable[[], Any]]:
-        return lambda: trace(core, rays, "simd"), lambda: trace(core, rays, "simd")["leaf"] >= 0
-
-    return prepare
-
-
-def embreex_tracer(positions: Any, triangles: Any) -> Callable[[Any], tuple[Callable[[], Any], Callable[[], Any]]]:
-    """Embree through embreex."""
-    scene = importlib.import_module("embreex.rtcore_scene").EmbreeScene()
-    mesh = importlib.import_module("embreex.mesh_construction").TriangleMesh(scene, positions, triangles)
-
-    def prepare(rays: Any) -> tuple[Callable[[], Any], Callable[[], Any]]:
-        options: dict[str, Any] = {}
-        if rays.any:
-            options = {"query": "OCCLUDED", "dists": np.full(len(rays.origins), rays.length, np.float32)}
-
-        def run() -> Any:
-            assert mesh is not None  # the scene does not keep it
-            return scene.run(rays.origins, rays.directions, **options)
-
-        return run, lambda: np.asarray(run()) >= 0
-
-    return prepare
-
-
-# --- running them all -------------------------------------------------------------------------------------------------
+    def __str__(self) -> str:
+        return f"{self.name}:{self.detail:g}:{self.size[0]}x{self.size[1]}"
 
 
 def child(args: argparse.Namespace) -> int:
     """Measures one scene with one peer; prints its lines."""
-    name, _, detail = args.scenes[0].partition(":")
-    scene = scenes.build(name, float(detail or 1))
-    scene.film.filter = filters.box()
-    peer, _, variant = args.child.partition(":")
-    if peer == "mitsuba":
-        results = iter([render_mitsuba(scene, args, variant)])
-    elif peer == "destello":
-        results = iter([render_destello(scene, args)])
+    entry = Entry.of(args.scenes[0], 1)
+    args.size = entry.size
+    scene = scenes.build(entry.name, entry.detail)
+    if args.child in TRACERS[args.device]:
+        results = importlib.import_module("peers_rays").rates(args.child, scene, args)
     else:
-        results = trace_rays(scene, args, peer)
-    shared = {"scene": name, "detail": float(detail or 1), "peer": args.child, "size": list(args.size)}
-    machine = about(choose(args.device_name), 0)
+        results = iter([render(args.child, scene, args)])
+    shared = {"scene": entry.name, "detail": entry.detail, "peer": args.child, "size": list(entry.size)}
+    machine = about(choose(args.device), 0)
     for result in results:
-        print(json.dumps(shared | result | {"repeat": args.repeat} | machine), flush=True)
+        print(json.dumps(shared | result | machine), flush=True)
     return 0
 
 
-def in_a_process(peer: str, entry: str, args: argparse.Namespace) -> list[dict[str, Any]]:
+def render(peer: str, scene: Scene, args: argparse.Namespace) -> dict[str, Any]:
+    """Figures of a whole render."""
+    renderers = importlib.import_module("peers_render")
+    work = renderers.Work(
+        args.size, args.spp, args.depth, args.repeat, choose(args.device).name, args.pictures and Path(args.pictures)
+    )
+    name, _, variant = peer.partition(":")
+    scene = renderers.prepared(scene)
+    if name == "mitsuba":
+        found = renderers.mitsuba(scene, work, variant)
+    elif name == "cycles":
+        found = renderers.cycles(scene, work, args.cycles_python)
+    else:
+        if name == "destello mis" and getattr(scene.environment, "type", None) not in NOT_SAMPLED_BY_ITSELF:
+            raise SystemExit("the same as destello here: all lights are sampled")
+        found = renderers.destello(scene, work, "mis" if name == "destello mis" else "auto")
+    figures: dict[str, Any] = found
+    return figures
+
+
+def in_a_process(peer: str, entry: Entry, args: argparse.Namespace, rays: str) -> list[dict[str, Any]]:
     """The measurements of a peer on a scene; what went wrong goes to standard error."""
-    options = {"--device": args.device, "--size": "x".join(map(str, args.size)), "--spp": args.spp}
-    options |= {"--depth": args.depth, "--repeat": args.repeat, "--child": peer}
+    options = {"--device": args.device, "--spp": args.spp, "--ray-spp": args.ray_spp, "--depth": args.depth}
+    options |= {"--repeat": args.repeat, "--cycles-python": args.cycles_python, "--child": peer, "--rays": rays}
+    if args.pictures:
+        options["--pictures"] = args.pictures
     words = [str(word) for pair in options.items() for word in pair]
-    command = [sys.executable, str(Path(__file__).resolve()), *words, entry]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=args.timeout, check=False)
-    except subprocess.TimeoutExpired:
-        print(f"{entry}, {peer}: not finished after {args.timeout:g} s", file=sys.stderr)
-        return []
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    command = [sys.executable, str(Path(__file__).resolve()), *words, str(entry)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, start_new_session=True, **pipes) as process:
+        try:
+            output, errors = process.communicate(timeout=args.timeout)
+        except BaseException as error:
+            os.killpg(process.pid, signal.SIGKILL)  # with what it has started itself
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            print(f"{entry}, {peer}: not finished after {args.timeout:g} s", file=sys.stderr)
+            return []
+    if process.returncode != 0:
+        last = (errors.strip().splitlines() or ["no message"])[-1]
         if "llvm" in peer:
             last += " (it wants libLLVM 19; DRJIT_LIBLLVM_PATH says where)"
-        print(f"{entry}, {peer}: failed (exit code {done.returncode}): {last}", file=sys.stderr)
-    sys.stdout.write(lines := "".join(f"{line}\n" for line in done.stdout.splitlines() if line.startswith("{")))
+        print(f"{entry}, {peer}: left out (exit code {process.returncode}): {last}", file=sys.stderr)
+    sys.stdout.write(lines := "".join(f"{line}\n" for line in output.splitlines() if line.startswith("{")))
     sys.stdout.flush()
     return [json.loads(line) for line in lines.splitlines()]
 
 
-def available(peers: tuple[str, ...]) -> list[str]:
+def available(peers: tuple[str, ...], cycles_python: str = sys.executable) -> list[str]:
     """Those that are installed; says which are not."""
     found = []
     for peer in peers:
-        module = peer.partition(":")[0]
-        if module in NEEDS and importlib.util.find_spec(module) is None:
-            print(f"{peer}: not installed, left out (pip install {NEEDS[module]})", file=sys.stderr)
+        name = peer.partition(":")[0]
+        elsewhere = name == "cycles" and cycles_python != sys.executable
+        if name in NEEDS and not elsewhere and importlib.util.find_spec(MODULES.get(name, name)) is None:
+            print(f"{peer}: not installed, left out (pip install {NEEDS[name]})", file=sys.stderr)
         else:
             found.append(peer)
     return found
 
 
-def ratios(results: list[dict[str, Any]]) -> Iterator[str]:
-    """Lines that set each peer against destello."""
-
-    def measured(result: dict[str, Any]) -> tuple[Any, ...]:
-        return result["scene"], result["detail"], result["kind"]
-
-    own = {measured(r): r for r in results if r["peer"].startswith("destello")}
-    for r in results:
-        figure = "Msamples_s" if "Msamples_s" in r else "Mrays_s"
-        line = f"{r['scene']:<12}{r['kind']:<10}{r['peer']:<22}{r[figure]:>9.3g} {figure[:-2]}/s"
-        mine = own.get(measured(r))
-        if mine is not None and mine is not r:
-            line += f"   destello: {mine[figure] / r[figure]:.2f} times that"
-            if not np.allclose(mine.get("hit", 0), r.get("hit", 0), atol=0.01):
-                line += f", BUT {r['hit']:.1%} of the rays hit instead of {mine['hit']:.1%}"
-        yield line
+def arguments() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=["book1", "cornell", "mesh1m", "instances", "interior"])
+    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
+    parser.add_argument("--scale", type=float, default=1.0, help="of the scenes' own sizes (1)")
+    parser.add_argument("--spp", type=int, default=16, help="samples a pixel of each render (16)")
+    parser.add_argument("--ray-spp", type=int, default=1, help="camera rays a pixel where rays alone are traced (1)")
+    parser.add_argument("--depth", type=int, default=8, help="segments of a path (8)")
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--only", choices=["renders", "rays"], help="leaves out the others")
+    parser.add_argument("--peers", help="these only, with commas between them")
+    parser.add_argument("--pictures", metavar="DIR", help="writes every renderer's picture there")
+    parser.add_argument("--cycles-python", default=sys.executable, metavar="PYTHON", help="a Python with bpy")
+    parser.add_argument("--timeout", type=float, default=300, help="seconds for a peer on a scene (300)")
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    parser.add_argument("--rays", help=argparse.SUPPRESS)
+    return parser.parse_args()
 
 
 def main() -> int:
     """Measures everything; returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", default=["book1", "cornell", "mesh1m", "interior"])
-    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
-    parser.add_argument("--size", type=lambda text: tuple(int(n) for n in text.split("x")), default=(640, 360))
-    parser.add_argument("--spp", type=int, default=8, help="samples a pixel of each render (8)")
-    parser.add_argument("--depth", type=int, default=8, help="segments of a path (8)")
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--timeout", type=float, default=300, help="seconds for a peer on a scene (300)")
-    parser.add_argument("--child", help=argparse.SUPPRESS)
-    args = parser.parse_args()
+    args = arguments()
     try:
-        args.device_name = choose(args.device).name
         if args.child:
             return child(args)
-        for entry in args.scenes:
-            scenes.build(entry.partition(":")[0], 1e-6)
-    except Error as error:
+        choose(args.device)
+        entries = [Entry.of(text, args.scale) for text in args.scenes]
+    except (Error, ValueError) as error:
         print(f"peers.py: {error}", file=sys.stderr)
         return 2
-    peers = available((*RENDERERS[args.device], *TRACERS[args.device]))
-    results = [found for entry in args.scenes for peer in peers for found in in_a_process(peer, entry, args)]
-    for line in ratios(results):
+    wanted = (*(RENDERERS if args.only != "rays" else {}).get(args.device, ()),)
+    wanted += (*(TRACERS if args.only != "renders" else {}).get(args.device, ()),)
+    if args.peers:
+        wanted = tuple(peer for peer in wanted if peer in args.peers.split(","))
+    results = []
+    peers = available(wanted, args.cycles_python)
+    for entry in entries:
+        with tempfile.TemporaryDirectory(prefix="destello-rays-") as rays:
+            results += [found for peer in peers for found in in_a_process(peer, entry, args, rays)]
+    for line in importlib.import_module("compare").peer_ratios(results):
         print(line, file=sys.stderr)
     return 0 if results else 1
 

@@ -1,23 +1,23 @@
-"""Rays a second on the CPU, without any shading: one JSON line for each scene and kind of ray.
+"""Rays a second without any shading: one JSON line for each scene and kind of ray.
 
     python benches/rays.py mesh1m terrain:0.1 > rays.json
+    python benches/rays.py --device cuda --spp 16 mesh1m > rays-cuda.json
 
-Each entry is SCENE[:DETAIL]. Kinds: `primary` (the camera's, by line of the picture; its lens is left out), `ao` (any
-hit within --ao metres, from what the camera sees), `bounce` (diffuse, from there, in the order of the pixels),
-`shuffled` (the same in random order), `random` (from anywhere in the bounds, anywhere).
+Each entry is SCENE[:DETAIL]. Kinds: `primary` (the camera's, by line of the picture, those of a pixel side by side; its
+lens is left out), `ao` (any hit within --ao metres, from what the camera sees), `bounce` (diffuse, from there, in the
+order of the pixels), `shuffled` (the same in random order), `random` (from anywhere in the bounds, anywhere).
 
-Rays go through the binding that the tests use: one thread, and arrays are copied on the way in and out. What that costs
-is measured with rays that miss everything and is in `binding_ns` (nanoseconds a ray; it is part of the rates). Batches
-are large, so nothing else counts.
+Seconds are those of traversal: on a GPU the kernel's, with rays and hits in its memory; on the CPU from arrays to
+arrays, with as many threads as wanted.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ from destello.machine import about
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from destello.device import Device
     from destello.scene import Scene
 
     Floats = NDArray[np.float32]
@@ -50,8 +51,8 @@ class Rays:
     any: bool = False
 
 
-def camera_rays(scene: Scene, width: int, height: int, rng: np.random.Generator) -> Rays:
-    """One ray a pixel, at a random place in it, line by line."""
+def camera_rays(scene: Scene, width: int, height: int, rng: np.random.Generator, spp: int = 1) -> Rays:
+    """`spp` rays a pixel, at random places in it, line by line."""
     view = scene.camera
     if view is None or view.type != "perspective":
         raise SystemExit(f"rays.py: {scene.name}: expected a perspective camera")
@@ -59,7 +60,7 @@ def camera_rays(scene: Scene, width: int, height: int, rng: np.random.Generator)
     right = unit(np.cross(forward, view["up"])[None])[0]
     up = np.cross(right, forward)
     half = np.tan(np.radians(view["vfov"]) / 2)
-    number = np.arange(width * height)
+    number = np.arange(width * height * spp) // spp
     jitter = rng.random((len(number), 2))
     x = ((number % width + jitter[:, 0]) / width * 2 - 1) * half * width / height
     y = (1 - (number // width + jitter[:, 1]) / height * 2) * half
@@ -106,71 +107,86 @@ def secondary(core: Any, first: Rays, ao: float, rng: np.random.Generator) -> It
     yield Rays("shuffled", np.ascontiguousarray(starts[order]), np.ascontiguousarray(outwards[order]))
 
 
-def ray_sets(scene: Scene, core: Any, width: int, height: int, ao: float, seed: int = 0) -> Iterator[Rays]:
-    """Rays of every kind."""
+def ray_sets(
+    scene: Scene, core: Any, width: int, height: int, ao: float, *, spp: int = 1, seed: int = 0
+) -> Iterator[Rays]:
+    """Rays of every kind; of the camera's, `spp` a pixel."""
     rng = np.random.default_rng(seed)
-    first = camera_rays(scene, width, height, rng)
+    first = camera_rays(scene, width, height, rng, spp)
     yield first
     yield from secondary(core, first, ao, rng)
     low, high = np.array(core.stats()["bounds"])
-    starts = rng.uniform(low, high, (width * height, 3)).astype(np.float32)
+    starts = rng.uniform(low, high, (width * height * spp, 3)).astype(np.float32)
     yield Rays("random", starts, unit(sphere(rng, len(starts))))
 
 
-def measure(core: Any, rays: Rays, method: str, repeat: int) -> dict[str, Any]:
-    """Median rate in Mrays/s, binding included, and what part of the rays hit."""
-    runs = []
-    for _ in range(repeat + 1):
-        began = time.perf_counter()
-        hits = trace(core, rays, method)
-        runs.append(time.perf_counter() - began)
+def ray_seconds(core: Any, rays: Rays, method: str, threads: int, repeat: int) -> list[float]:
+    """Seconds of `repeat` runs, after one to warm up. `method`: a traversal of the CPU, or a CUDA device.
+
+    `threads`: of the CPU; 0: one a core.
+    """
+    threads = threads or len(os.sched_getaffinity(0))
+    ends = np.full(len(rays.origins), rays.length, np.float32)
+    seconds = TESTING.time_rays(core, rays.origins, rays.directions, ends, rays.any, method, threads, repeat + 1)
+    return [float(s) for s in seconds[1:]]
+
+
+def measure(core: Any, rays: Rays, method: str, threads: int, repeat: int) -> dict[str, Any]:
+    """Median rate in Mrays/s, and what part of the rays hit."""
+    seconds = statistics.median(ray_seconds(core, rays, method, threads, repeat))
     count = len(rays.origins)
-    seconds = statistics.median(runs[1:])
+    step = max(1, count >> 19)
+    some = Rays(rays.kind, rays.origins[::step].copy(), rays.directions[::step].copy(), rays.length, rays.any)
     return {
         "kind": rays.kind,
         "method": method,
         "count": count,
-        "hit": float((hits["leaf"] >= 0).mean()),
+        "hit": float((trace(core, some, method)["leaf"] >= 0).mean()),
+        "seconds": seconds,
         "Mrays_s": count / seconds / 1e6,
         "ns_per_ray": seconds / count * 1e9,
         "repeat": repeat,
     }
 
 
-def binding_ns(core: Any, count: int, repeat: int) -> float:
-    """Nanoseconds a ray that the binding itself takes: of rays beside the scene, which touch its tree's root only."""
-    low, high = np.array(core.stats()["bounds"])
-    origins = np.tile((2 * high - low + 1).astype(np.float32), (count, 1))
-    away = Rays("", origins, np.full_like(origins, 3**-0.5))
-    return float(measure(core, away, "simd", repeat)["ns_per_ray"])
+def run(entry: str, device: Device, args: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The figures of an entry. Raises destello.Error or ValueError for a name or detail that there is not."""
+    name, _, detail = entry.partition(":")
+    scene = scenes.build(name, float(detail or 1))
+    core = scene.compile(build=args.build, device=device.name).core
+    cuda = device.kind == "cuda"
+    stats = core.stats()
+    shared = {"scene": name, "detail": float(detail or 1), "spp": args.spp, "size": args.size, "build": args.build}
+    shared |= {key: stats[key] for key in ("triangles", "bvh_bytes", "geometry_bytes", "sah_cost")}
+    method, threads = (device.name, 0) if cuda else (args.method, args.threads)
+    for rays in ray_sets(scene, core, *args.size, args.ao, spp=args.spp):
+        yield shared | measure(core, rays, method, threads, args.repeat)
 
 
 def main() -> int:
     """Prints the lines; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=["mesh1m"])
-    parser.add_argument("--size", default="1280x720", help="of the picture whose rays are taken (1280x720)")
+    parser.add_argument("--device", default="cpu", help="cpu, or a CUDA device (cpu)")
+    parser.add_argument("--threads", type=int, default=0, help="of the CPU; 0: one a core (0)")
+    size = "of the picture whose rays are taken (1280x720)"
+    parser.add_argument("--size", type=lambda text: [int(n) for n in text.split("x")], default=[1280, 720], help=size)
+    parser.add_argument("--spp", type=int, default=1, help="camera rays a pixel (1); a GPU needs more to be busy")
     parser.add_argument("--ao", type=float, default=0.5, help="length of ambient occlusion's rays in metres (0.5)")
-    parser.add_argument("--method", default="simd", choices=["simd", "packet", "baseline", "groups"])
-    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--method", default="simd", help="of the CPU: simd, packet, baseline, groups (simd)")
+    parser.add_argument("--build", default="balanced", help="quality of the tree: fast, balanced, high (balanced)")
+    parser.add_argument("--repeat", type=int, default=5)
     args = parser.parse_args()
-    width, height = (int(n) for n in args.size.split("x"))
-    machine = {**about(choose("cpu"), 1), "threads": 1}
     for entry in args.scenes:
-        name, _, detail = entry.partition(":")
         try:
-            scene = scenes.build(name, float(detail or 1))
+            device = choose(args.device)
+            for result in run(entry, device, args):
+                print(json.dumps(result | about(device, args.threads)), flush=True)
+                words = f"{result['Mrays_s']:.4g} Mrays/s ({result['ns_per_ray']:.3g} ns), {result['hit']:.0%} hit"
+                print(f"{entry}, {result['kind']}: {words}", file=sys.stderr)
         except (Error, ValueError) as error:
             print(f"rays.py: {entry}: {error}", file=sys.stderr)
             return 2
-        core = scene.compile().core
-        cost = binding_ns(core, width * height, args.repeat)
-        for rays in ray_sets(scene, core, width, height, args.ao):
-            result = measure(core, rays, args.method, args.repeat)
-            shared = {"scene": name, "detail": float(detail or 1), "triangles": core.stats()["triangles"]}
-            print(json.dumps(shared | result | {"binding_ns": cost} | machine), flush=True)
-            words = f"{result['Mrays_s']:.3g} Mrays/s ({result['ns_per_ray']:.0f} ns, {cost:.0f} of them the binding)"
-            print(f"{entry}, {rays.kind}: {words}", file=sys.stderr)
     return 0
 
 

@@ -15,15 +15,18 @@ import sys
 
 from destello import __version__, _core, scenes
 from destello.bench import rate_figures
+from destello.memory import peaks
 
 
-def measure(entry: str, device: str, threads: int, repeat: int, seed: int, execution: str) -> dict[str, object]:
+def measure(
+    entry: str, device: str, threads: int, repeat: int, seed: int, execution: str, build: str
+) -> dict[str, object]:
     name, _, rest = entry.partition(":")
     size, _, spp = rest.partition(":")
     scene = scenes.build(name)
     width, height = (int(n) for n in size.split("x")) if size else (scene.film.width, scene.film.height)
     samples = int(spp) if spp else scene.render.spp
-    core = scene.compile().core
+    core = scene.compile(build=build, device=device, threads=threads).core
     renderer = _core.Renderer(core, device, threads)
     settings = {
         "max_depth": scene.render.max_depth,
@@ -44,6 +47,9 @@ def measure(entry: str, device: str, threads: int, repeat: int, seed: int, execu
         "spp": samples,
         "max_depth": scene.render.max_depth,
         "execution": execution,
+        "build": build,
+        **{name: runs[0][name] for name in ("paths", "path_bytes", "path_device_bytes")},
+        **peaks(),
         **rate_figures(runs[0]["samples"], walls, kernels, rays),
         "repeat": repeat,
         "first_seed": seed + 1,
@@ -58,10 +64,11 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--execution", default="auto", choices=["auto", "fused", "queues"], help="of CUDA devices")
+    parser.add_argument("--build", default="balanced", help="quality of the trees: fast, balanced, high (balanced)")
     args = parser.parse_args()
     label = next((d["label"] for d in _core.devices() if d["name"] == args.device), args.device)
     for entry in args.scenes:
-        result = measure(entry, args.device, args.threads, args.repeat, args.seed, args.execution)
+        result = measure(entry, args.device, args.threads, args.repeat, args.seed, args.execution, args.build)
         result |= {"device": label, "version": __version__, "date": dt.date.today().isoformat()}
         print(json.dumps(result), flush=True)
         print(

@@ -1,6 +1,6 @@
-"""Rays in Warp's tree (its best one, `cubql`, on a GPU; on the CPU `sah`), for `peers.py`. Imported only with Warp."""
+"""Rays in Warp's tree, for `peers_rays.py`: on a GPU kernel seconds by CUDA events. Imported only with Warp."""
 
-from collections.abc import Callable
+import time
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,17 @@ def closest(
     origins: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),
     end: float,
-    hit: wp.array(dtype=int),
+    distance: wp.array(dtype=float),
+    face: wp.array(dtype=int),
 ):
     i = wp.tid()
     found = wp.mesh_query_ray(mesh, origins[i], ways[i], end)
-    hit[i] = 0
     if found.result:
-        hit[i] = 1
+        distance[i] = found.t
+        face[i] = found.face
+    else:
+        distance[i] = -1.0
+        face[i] = -1
 
 
 @wp.kernel
@@ -28,34 +32,51 @@ def occluded(
     origins: wp.array(dtype=wp.vec3),
     ways: wp.array(dtype=wp.vec3),
     end: float,
-    hit: wp.array(dtype=int),
+    face: wp.array(dtype=int),
 ):
     i = wp.tid()
-    hit[i] = 0
     if wp.mesh_query_ray_anyhit(mesh, origins[i], ways[i], end):
-        hit[i] = 1
+        face[i] = 0
+    else:
+        face[i] = -1
 
 
-def tracer(positions: Any, triangles: Any, device: str) -> Callable[[Any], tuple[Callable[[], Any], Callable[[], Any]]]:
-    """A function that makes, of a set of rays, a call that traces them and one that tells which hit."""
-    wp.config.quiet = True
-    wp.init()
-    wp.set_device(device)
-    points = wp.array(positions, dtype=wp.vec3)
-    constructor = "cubql" if device.startswith("cuda") else "sah"
-    mesh = wp.Mesh(points=points, indices=wp.array(triangles.ravel(), dtype=int), bvh_constructor=constructor)
-    wp.synchronize()
+class Warp:
+    """See `peers_rays.Tracer`. `constructor`: cubql, sah, lbvh or median; empty: the best for the device."""
 
-    def prepare(rays: Any) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    def __init__(self, positions: Any, triangles: Any, constructor: str, cuda: bool) -> None:
+        wp.config.quiet = True
+        wp.init()
+        wp.set_device("cuda:0" if cuda else "cpu")
+        self.cuda, self.threads = cuda, 0 if cuda else 1
+        points = wp.array(positions, dtype=wp.vec3)
+        indices = wp.array(triangles.ravel(), dtype=int)
+        constructor = constructor or ("cubql" if cuda else "sah")
+        for _ in range(2):  # the first one pays for what happens once
+            wp.synchronize()
+            began = time.perf_counter()
+            self.mesh = wp.Mesh(points=points, indices=indices, bvh_constructor=constructor)
+            wp.synchronize()
+            self.build_seconds = time.perf_counter() - began
+
+    def measure(self, rays: Any, repeat: int) -> tuple[list[float], float]:
+        """See `peers_rays.Tracer`."""
         count = len(rays.origins)
         origins, ways = wp.array(rays.origins, dtype=wp.vec3), wp.array(rays.directions, dtype=wp.vec3)
-        hit = wp.zeros(count, dtype=int)
+        distance, face = wp.zeros(count, dtype=float), wp.zeros(count, dtype=int)
         end = float(min(rays.length, 1e30))
+        inputs = [self.mesh.id, origins, ways, end, *([] if rays.any else [distance]), face]
+        kernel = occluded if rays.any else closest
+        seconds = [self._seconds(kernel, count, inputs) for _ in range(repeat + 1)]
+        return seconds[1:], float((np.asarray(face.numpy()) >= 0).mean())
 
-        def run() -> None:
-            wp.launch(occluded if rays.any else closest, count, [mesh.id, origins, ways, end, hit])
-            wp.synchronize()
-
-        return run, lambda: np.asarray(hit.numpy())
-
-    return prepare
+    def _seconds(self, kernel: Any, count: int, inputs: list[Any]) -> float:
+        if not self.cuda:
+            began = time.perf_counter()
+            wp.launch(kernel, count, inputs)
+            return time.perf_counter() - began
+        start, end = wp.Event(enable_timing=True), wp.Event(enable_timing=True)
+        wp.record_event(start)
+        wp.launch(kernel, count, inputs)
+        wp.record_event(end)
+        return float(wp.get_event_elapsed_time(start, end)) / 1e3

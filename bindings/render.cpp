@@ -8,6 +8,7 @@
 
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
+#include "base/device_memory.h"
 #include "bindings/params.h"
 #include "bindings/register.h"
 
@@ -226,6 +227,7 @@ class Renderer {
     out["rays"] = n.rays, out["samples"] = n.samples, out["nonfinite"] = n.nonfinite,
     out["device_seconds"] = n.device_seconds;
     out["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    out["paths"] = n.paths, out["path_bytes"] = n.path_bytes, out["path_device_bytes"] = n.path_device_bytes;
     out["cancelled"] = cancel_.load();
     return out;
   }
@@ -261,6 +263,15 @@ nb::list devices() {
   return out;
 }
 
+nb::dict cuda_memory(bool forget_peak) {
+  DeviceMemory& count = device_memory();
+  nb::dict out;
+  out["device"] = count.device.now(), out["device_peak"] = count.device.peak();
+  out["pinned"] = count.pinned.now(), out["pinned_peak"] = count.pinned.peak();
+  if (forget_peak) count.device.forget_peak(), count.pinned.forget_peak();
+  return out;
+}
+
 std::string cuda_status() {
 #if defined(DST_HAS_CUDA)
   return cuda_problem();
@@ -292,6 +303,9 @@ void register_render(nb::module_& m) {
            nb::arg("last_sample"), nb::arg("settings"), nb::arg("crop") = nb::none())
       .def("cancel", &Renderer::cancel, "Makes a running render return early; from any thread.");
   m.def("devices", &devices);
+  m.def("device_memory", &cuda_memory, nb::arg("forget_peak") = false,
+        "Bytes that this process has taken on all CUDA devices together and, pinned, on the host: now and at most. "
+        "forget_peak: afterwards, the peaks start anew.");
   m.def("cuda_status", &cuda_status, "Empty if CUDA can be used, else the reason why not.");
 }
 

@@ -9,6 +9,7 @@
 
 #include "accel/bvh_build.h"
 #include "accel/bvh_refit.h"
+#include "accel/traversal.h"
 #include "bindings/register.h"
 #include "bindings/testing_support.h"
 #ifdef DST_HAS_CUDA

@@ -1,11 +1,17 @@
 // Rays against finished scenes for pytest: every traversal there is, a search without a tree, and a look at the tree.
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <thread>
 #include <vector>
 
+#include "accel/traversal.h"
 #include "accel/traverse_host.h"
+#include "backend/backend.h"
 #include "backend/cpu_kernel.h"
 #include "bindings/register.h"
 #include "bindings/testing_support.h"
@@ -40,10 +46,9 @@ struct Child {
   uint32_t count;  // 0: node; else primitives
 };
 Child child_of(const Node8& node, uint32_t slot) {
-  const uint32_t meta = node.meta[slot];
-  if ((meta & 0x18u) == 0x18u)
+  if (node.is_inner(slot))
     return {node.first_child + static_cast<uint32_t>(count_bits(node.inner_mask & ((1u << slot) - 1))), 0};
-  return {node.first_leaf + (meta & 0x1fu), static_cast<uint32_t>(count_bits(meta >> 5))};
+  return {node.leaf_begin(slot), node.leaf_count(slot)};
 }
 
 // The leaves below a node, found by following every child.
@@ -53,7 +58,7 @@ std::vector<uint32_t> leaves_below(const GeometryView& g, uint32_t root) {
     const Node8& node = g.nodes[todo.back()];
     todo.pop_back();
     for (uint32_t s = 0; s < 8; ++s) {
-      if (node.meta[s] == 0) continue;
+      if (!node.is_used(s)) continue;
       const Child e = child_of(node, s);
       if (e.count == 0) todo.push_back(e.index);
       for (uint32_t k = 0; k < e.count; ++k) leaves.push_back(e.index + k);
@@ -98,9 +103,16 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
     trace(&g, rays.data(), hits.data(), rays.size(), any ? 1 : method == "packet" ? 2 : 0);
     return hits;
   }
+#if defined(DST_HAS_CUDA)
+  if (method.starts_with("cuda:")) {
+    trace_rays_cuda(scene, std::stoi(method.substr(5)), rays, any, 1, &hits);
+    return hits;
+  }
+#endif
   const bool brute = method == "brute";
   if (!brute && method != "groups")
-    throw std::invalid_argument("method: expected simd, packet, baseline, groups or brute");
+    throw std::invalid_argument(
+        "method: expected simd, packet, baseline, groups, brute or, in a build with CUDA, cuda:0");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;
@@ -113,6 +125,43 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
     }
   }
   return hits;
+}
+
+// Seconds of each of `repeat` times: on a CUDA device those of its kernel, else from first to last thread.
+std::vector<double> time_rays(const Scene& scene, const Rows& origins, const Rows& directions, const Numbers& t_max,
+                              bool any, const std::string& method, uint32_t threads, uint32_t repeat) {
+  std::vector<Ray> rays(origins.shape(0));
+  need_columns(origins, 3);
+  need_columns(directions, 3);
+  if (directions.shape(0) != rays.size() || t_max.shape(0) != rays.size())
+    throw std::invalid_argument("time_rays: expected as many origins, directions and t_max");
+  for (size_t i = 0; i < rays.size(); ++i) rays[i] = {row3(origins, i), row3(directions, i), t_max(i), 0};
+  std::vector<Hit> hits(rays.size());
+  const nb::gil_scoped_release release;
+#if defined(DST_HAS_CUDA)
+  if (method.starts_with("cuda:")) return trace_rays_cuda(scene, std::stoi(method.substr(5)), rays, any, repeat, &hits);
+#endif
+  if (method != "simd" && method != "baseline" && method != "packet")
+    throw std::invalid_argument("method: expected simd, packet, baseline or, in a build with CUDA, cuda:0");
+  DstTraceRays* trace = method == "baseline" ? &dst_trace_rays_baseline : cpu_kernels().trace_rays;
+  const int how = any ? 1 : method == "packet" ? 2 : 0;
+  std::vector<double> seconds;
+  for (uint32_t i = 0; i < repeat; ++i) {
+    std::atomic<size_t> next{0};
+    const auto work = [&] {
+      constexpr size_t kPiece = 4096;
+      for (size_t first; (first = next.fetch_add(kPiece)) < rays.size();)
+        trace(&scene.view().geometry, rays.data() + first, hits.data() + first, std::min(kPiece, rays.size() - first),
+              how);
+    };
+    const auto start = std::chrono::steady_clock::now();
+    std::vector<std::thread> others;
+    for (uint32_t t = 1; t < threads; ++t) others.emplace_back(work);
+    work();
+    for (std::thread& t : others) t.join();
+    seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  }
+  return seconds;
 }
 
 nb::dict trace_rays(const Scene& scene, const std::string& method, const Rows& origins, const Rows& directions,
@@ -175,7 +224,7 @@ nb::object offset_origins(const Rows& p, const Rows& error, const Rows& n, const
 
 // Where the ray enters the box of a node's child before t_max; infinite: nowhere.
 float box_distance(const Node8& node, uint32_t slot, const Ray& ray, float t_max) {
-  if (node.meta[slot] == 0) return kInfinity;
+  if (!node.is_used(slot)) return kInfinity;
   const Vec3 reciprocal = safe_reciprocal(ray.direction);
   float near = 0, far = kInfinity;
   for (int k = 0; k < 3; ++k) {
@@ -254,7 +303,7 @@ nb::dict tree(const Scene& scene) {
     const Node8& node = a.nodes[i / 8];
     const uint32_t s = i % 8;
     index.data[i] = count.data[i] = -1;
-    if (node.meta[s] == 0) continue;
+    if (!node.is_used(s)) continue;
     const Child e = child_of(node, s);
     index.data[i] = static_cast<int32_t>(e.index), count.data[i] = static_cast<int32_t>(e.count);
     for (int k = 0; k < 3; ++k) {
@@ -286,6 +335,8 @@ void register_testing_trace(nb::module_& m) {
   m.def("cpu_isa", [] { return std::string(cpu_kernels().isa); });
   m.def("trace", &trace_rays, nb::arg("scene"), nb::arg("method"), nb::arg("origins"), nb::arg("directions"),
         nb::arg("t_max"), nb::arg("time"), nb::arg("any"));
+  m.def("time_rays", &time_rays, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("t_max"),
+        nb::arg("any"), nb::arg("method"), nb::arg("threads"), nb::arg("repeat"));
   m.def("surfaces", &surfaces, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("time"),
         nb::arg("t"), nb::arg("u"), nb::arg("v"), nb::arg("leaf"), nb::arg("instance"));
   m.def("offset_origins", &offset_origins, nb::arg("p"), nb::arg("error"), nb::arg("n"), nb::arg("w"));

@@ -14,7 +14,8 @@ NODE = np.dtype(
         ("inner_mask", "u1"),
         ("first_child", "<u4"),
         ("first_leaf", "<u4"),
-        ("meta", "u1", 8),
+        ("children", "<u4"),
+        ("used", "<u4"),
         ("lo", "u1", (3, 8)),
         ("hi", "u1", (3, 8)),
     ]
@@ -54,26 +55,29 @@ def check_tree(tree, lo, hi):
     box_lo, box_hi = np.full((len(nodes), 3), np.inf), np.full((len(nodes), 3), -np.inf)
     for i, node in enumerate(nodes):
         for rank, s in enumerate(np.flatnonzero([node["inner_mask"] >> s & 1 for s in range(8)])):
-            assert node["meta"][s] == 0x20 | (24 + s)
+            assert node["children"] >> (24 + s) & 1
             child = int(node["first_child"]) + rank
             assert child > i
             parents[child] += 1
             depth[child] = depth[i] + 1
     for i in reversed(range(len(nodes))):  # children come after their parents
-        node, rank = nodes[i], 0
+        node, rank, first = nodes[i], 0, int(nodes[i]["first_leaf"])
+        assert node["children"] >> 24 == node["inner_mask"]
         for s in range(8):
-            meta = int(node["meta"][s])
-            if meta == 0:
+            bits = int(node["children"]) >> 3 * s & 7
+            assert not (bits and node["inner_mask"] >> s & 1)
+            if not node["used"] >> s & 1:
+                assert bits == 0
                 continue
             if node["inner_mask"] >> s & 1:
                 child = int(node["first_child"]) + rank
                 rank += 1
                 a, b = box_lo[child], box_hi[child]
             else:
-                count = {1: 1, 3: 2, 7: 3}[meta >> 5]
-                first = int(node["first_leaf"]) + (meta & 31)
+                count = {1: 1, 3: 2, 7: 3}[bits]
                 leaves[first : first + count] += 1
                 which = order[first : first + count]
+                first += count
                 a, b = lo[which].min(axis=0), hi[which].max(axis=0)
             assert np.all(child_lo[i, :, s] <= a)
             assert np.all(child_hi[i, :, s] >= b)
@@ -93,16 +97,16 @@ def cost(tree, lo, hi):
     box_lo, box_hi = np.full((len(nodes), 3), np.inf), np.full((len(nodes), 3), -np.inf)
     total = 0.0
     for i in reversed(range(len(nodes))):
-        node, child = nodes[i], int(nodes[i]["first_child"])
+        node, child, first = nodes[i], int(nodes[i]["first_child"]), int(nodes[i]["first_leaf"])
         for s in range(8):
-            meta = int(node["meta"][s])
+            count = (int(node["children"]) >> 3 * s & 7).bit_count()
             if node["inner_mask"] >> s & 1:
                 a, b = box_lo[child], box_hi[child]
                 child += 1
-            elif meta != 0:
-                count, first = bin(meta >> 5).count("1"), int(node["first_leaf"]) + (meta & 31)
+            elif count != 0:
                 a, b = lo[first : first + count].min(axis=0), hi[first : first + count].max(axis=0)
                 total += count * half_area(a, b)
+                first += count
             else:
                 continue
             box_lo[i], box_hi[i] = np.minimum(box_lo[i], a), np.maximum(box_hi[i], b)

@@ -1,4 +1,4 @@
-// The 8-wide bounding volume hierarchy: node layout and traversal. One layout serves host and device, world and groups.
+// The 8-wide bounding volume hierarchy: node layout and node test. One layout serves host and device, world and groups.
 //
 // Node layout and octant order follow Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through
 // Compressed Wide BVHs": child boxes are quantised to 8 bits on a grid of the node's own, children are sorted into slots
@@ -6,6 +6,7 @@
 #pragma once
 
 #include "accel/geometry.h"
+#include "base/bits.h"
 
 namespace destello {
 
@@ -16,15 +17,27 @@ struct alignas(16) Node8 {
   uint8_t exponent[3] = {};  // biased by 127: the float's exponent bits
   uint8_t inner_mask = 0;    // bit i: child i is a node
   uint32_t first_child = 0;  // nodes of the inner children lie in a row, in slot order
-  uint32_t first_leaf = 0;   // primitives of the leaf children lie in a row
-  // Inner child: 0x20 | (24 + slot). Leaf child: primitive count in unary in the top three bits, position of its first
-  // primitive relative to first_leaf (0-23) below. Empty: 0.
-  uint8_t meta[8] = {};
+  uint32_t first_leaf = 0;   // primitives of the leaf children lie in a row, in slot order
+  // Bit 24 + s: the child in slot s is a node. Bits 3 s to 3 s + 2: it is a leaf, of as many primitives as bits are set.
+  uint32_t children = 0;
+  uint32_t used = 0;  // bit s: there is a child in slot s
   uint8_t lo[3][8] = {}, hi[3][8] = {};
+
+  DST_HD bool is_used(uint32_t slot) const { return used >> slot & 1; }
+  DST_HD bool is_inner(uint32_t slot) const { return inner_mask >> slot & 1; }
+  DST_HD uint32_t leaf_bits(uint32_t slot) const { return children >> (3 * slot) & 7; }
+  // Of a leaf child.
+  DST_HD uint32_t leaf_begin(uint32_t slot) const {
+    return first_leaf + static_cast<uint32_t>(count_bits(children & ((1u << (3 * slot)) - 1)));
+  }
+  DST_HD uint32_t leaf_count(uint32_t slot) const { return static_cast<uint32_t>(count_bits(leaf_bits(slot))); }
+  // Of all leaf children.
+  DST_HD uint32_t leaf_count() const { return static_cast<uint32_t>(count_bits(children & 0x00ffffffu)); }
 };
 static_assert(sizeof(Node8) == 80);
 
 inline constexpr int kMaxLeafPrimitives = 3;
+inline constexpr uint32_t kLeafBits = 0x00ffffff, kInnerBits = 0xff000000;  // of Node8::children
 inline constexpr int kTraversalStack = 48;  // entries: two per level of either tree, see bvh_build.cpp for the bound
 
 // Far distances grow by this factor so that rounding never loses a box (Ize 2013, "Robust BVH Ray Traversal").
@@ -62,11 +75,10 @@ struct alignas(16) NodeWords {
   DST_HD float origin(int axis) const { return bits_to_float(w[axis]); }
   // 2^exponent
   DST_HD float quantum(int axis) const { return bits_to_float((w[3] >> (8 * axis) << 23) & 0x7f800000u); }
-  DST_HD uint32_t inner_mask() const { return w[3] >> 24; }
   DST_HD uint32_t first_child() const { return w[4]; }
   DST_HD uint32_t first_leaf() const { return w[5]; }
+  DST_HD uint32_t children() const { return w[6]; }
   // Of children 4 * half to 4 * half + 3, a byte each.
-  DST_HD uint32_t meta(int half) const { return w[6 + half]; }
   DST_HD uint32_t lo(int axis, int half) const { return w[8 + 2 * axis + half]; }
   DST_HD uint32_t hi(int axis, int half) const { return w[14 + 2 * axis + half]; }
 };
@@ -84,8 +96,19 @@ struct NodeTest {
     // The compiler must not know that this is a constant: a byte permutation takes but one, and that is to be the order.
     return {origin, r, octant, static_cast<uint32_t>(float_to_bits(r.x * 0.0f + 1.0f))};
   }
-  // Bits 24-31: inner children hit, in order of visit (slot ^ octant); bits 0-23: primitives of leaf children hit.
+  // Which of the node's children are hit, as the bits that they have in Node8::children.
   DST_HD uint32_t hits(const NodeWords& node, float t_max) const;
+  // Bit slot of `slots` moves to slot ^ octant: from the highest bit down is then an order of visit.
+  DST_HD uint32_t by_visit(uint32_t slots) const {
+    const auto swap = [&slots](uint32_t distance, uint32_t mask) {
+      const uint32_t differ = (slots >> distance ^ slots) & mask;
+      slots ^= differ ^ differ << distance;
+    };
+    swap(1, octant & 1 ? 0x55u : 0u);
+    swap(2, octant & 2 ? 0x33u : 0u);
+    swap(4, octant & 4 ? 0x0fu : 0u);
+    return slots;
+  }
 };
 
 // Byte i of w as the float 1 + byte/32768: a byte permutation instead of an integer conversion. `one`: the bits of 1.0f.
@@ -143,11 +166,6 @@ DST_FN uint32_t NodeTest::hits(const NodeWords& node, float t_max) const {
     const uint32_t nx = octant & 1 ? lx : hx, fx = octant & 1 ? hx : lx;
     const uint32_t ny = octant & 2 ? ly : hy, fy = octant & 2 ? hy : ly;
     const uint32_t nz = octant & 4 ? lz : hz, fz = octant & 4 ? hz : lz;
-    // Four children at once: which bits they set, and where; an inner child's place depends on the octant.
-    const uint32_t m = node.meta(half);
-    const uint32_t inner = ((m & (m << 1)) & 0x10101010u) >> 4;
-    const uint32_t place = (m & 0x1f1f1f1fu) ^ ((octant * 0x01010101u) & (inner * 7u));
-    const uint32_t bits = (m >> 5) & 0x07070707u;
     DST_UNROLL
     for (int i = 0; i < 4; ++i) {
       const int32_t in =
@@ -156,142 +174,11 @@ DST_FN uint32_t NodeTest::hits(const NodeWords& node, float t_max) const {
       const int32_t out =
           exit_distance(x.far(byte_as_offset_float(fx, i, one)), y.far(byte_as_offset_float(fy, i, one)),
                         z.far(byte_as_offset_float(fz, i, one)), t_max);
-      if (in <= out) result |= ((bits >> (8 * i)) & 7u) << ((place >> (8 * i)) & 31u);
+      const int slot = 4 * half + i;
+      if (in <= out) result |= 1u << (24 + slot) | 7u << (3 * slot);
     }
   }
-  return result;
-}
-
-DST_FN int highest_bit(uint32_t x) {
-#if DST_ON_DEVICE
-  return 31 - __clz(static_cast<int>(x));
-#else
-  return 31 - __builtin_clz(x);
-#endif
-}
-DST_FN int count_bits(uint32_t x) {
-#if DST_ON_DEVICE
-  return __popc(x);
-#else
-  return __builtin_popcount(x);
-#endif
-}
-
-// --- traversal by bit-mask groups: the device's way ---
-
-// A set of children of one node still to visit. Nodes: `base` is the first child, bits 24-31 of `bits` the children in
-// order of visit, bits 0-7 the inner mask. Primitives: `base` is the first primitive, bits 0-23 which.
-struct Group {
-  uint32_t base, bits;
-
-  DST_HD bool has_nodes() const { return (bits & 0xff000000u) != 0; }
-};
-
-// A ray's way through the tree in steps, so that a warp can look up between them which of its lanes are done.
-struct Traversal {
-  Vec3 origin, direction;  // the ray in the space that it is in: the world's or an instance's
-  float time = 0;
-  NodeTest test;
-  Group nodes;       // where it goes on; the rest is on the stack
-  Group primitives;  // of the last node, still to be tested: one a step, so that lanes with many do not hold up a warp
-  int top = 0, floor = 0;  // stack height; that at which the current instance ends
-  uint32_t instance = Hit::kNone;
-  bool any = false;  // any hit ends it
-  Hit hit;
-
-  DST_HD void start(const Ray& ray, bool any_hit) {
-    top = floor = 0;
-    instance = Hit::kNone;
-    any = any_hit;
-    hit = Hit{};
-    hit.t = ray.t_max;
-    time = ray.time;
-    nodes = {0, 0x80000000u};
-    primitives = {0, 0};
-    set_ray(ray.origin, ray.direction);
-  }
-  // Goes on by a node, or a primitive of the last node, or both. Returns false when the way has ended: `hit` is then the
-  // nearest hit (any: some hit), if there is one. `world()` returns the ray that it was started with. `stack`:
-  // kTraversalStack entries, the same at every step.
-  template <class World>
-  DST_HD bool step(const GeometryView& g, const World& world, Group* stack) {
-    if (primitives.bits == 0) {
-      if (!nodes.has_nodes()) pop(world, stack);
-      if (nodes.has_nodes()) {
-        visit(g, stack);
-      } else {
-        primitives = nodes;
-        nodes.bits = 0;
-      }
-    }
-    if (primitives.bits != 0) {
-      const int bit = highest_bit(primitives.bits);
-      primitives.bits &= ~(1u << bit);
-      const uint32_t index = primitives.base + static_cast<uint32_t>(bit);
-      const LeafPrimitive p = load_wide(g.leaves + index);
-      if (p.kind() == PrimitiveKind::Instance) {
-        enter(g, world, p.object, stack);
-      } else if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, time), &hit)) {
-        hit.instance = instance;
-        if (any) return false;
-      }
-    }
-    return primitives.bits != 0 || nodes.has_nodes() || top != 0;
-  }
-
- private:
-  DST_HD void set_ray(Vec3 o, Vec3 d) {
-    origin = o;
-    direction = d;
-    test = NodeTest::make(o, d);
-  }
-  DST_HD void visit(const GeometryView& g, Group* stack) {
-    const int bit = highest_bit(nodes.bits);
-    const uint32_t slot = (static_cast<uint32_t>(bit) - 24) ^ test.octant;
-    const uint32_t index = nodes.base + static_cast<uint32_t>(count_bits(nodes.bits & 0xffu & ((1u << slot) - 1)));
-    nodes.bits &= ~(1u << bit);
-    if (nodes.has_nodes()) stack[top++] = nodes;
-    const NodeWords node = NodeWords::load(g.nodes + index);
-    const uint32_t hits = test.hits(node, hit.t);
-    nodes = {node.first_child(), (hits & 0xff000000u) | node.inner_mask()};
-    primitives = {node.first_leaf(), hits & 0x00ffffffu};
-  }
-  // Goes on inside an instance; what is left outside waits on the stack.
-  template <class World>
-  DST_HD void enter(const GeometryView& g, const World& world, uint32_t index, Group* stack) {
-    if (primitives.bits != 0) stack[top++] = primitives;
-    primitives.bits = 0;
-    if (nodes.has_nodes()) stack[top++] = nodes;
-    floor = top;
-    instance = index;
-    const Instance& it = g.instances[index];
-    const Transform to_local = it.local_at(time);
-    const Ray ray = world();
-    set_ray(to_local.point(ray.origin), to_local.vector(ray.direction));
-    nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
-  }
-  template <class World>
-  DST_HD void pop(const World& world, const Group* stack) {
-    if (instance != Hit::kNone && top == floor) {
-      instance = Hit::kNone;
-      const Ray ray = world();
-      set_ray(ray.origin, ray.direction);
-    }
-    nodes = stack[--top];
-  }
-};
-
-// The nearest hit before hit->t (kAny: any one). `hit->t` must hold the ray's t_max on entry. Returns whether something
-// was hit.
-template <bool kAny>
-DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
-  Group stack[kTraversalStack];
-  Traversal t;
-  t.start(ray, kAny);
-  while (t.step(g, [&] { return ray; }, stack)) {
-  }
-  *hit = t.hit;
-  return hit->found();
+  return result & node.children();
 }
 
 }  // namespace destello

@@ -59,7 +59,8 @@ DST_FN uint64_t spread(uint64_t x) {
   return (x | x << 2) & 0x1249249249249249ull;
 }
 
-// Morton codes on a grid of cubes: with a grid as flat as a flat scene, every third bit would cut it the short way.
+// Morton codes. The grid's cells are cubes, or up to twice as long along a flat scene's short axis: were they as flat as the
+// scene, every third bit would cut it the short way.
 template <class Code>
 __global__ void morton_kernel(const Bounds* boxes, uint32_t count, const CenterBounds* centers, Code* codes,
                               uint32_t* references, uint32_t* positions) {
@@ -71,7 +72,8 @@ __global__ void morton_kernel(const Bounds* boxes, uint32_t count, const CenterB
                 unordered(~centers->inverse_hi[2])};
   const float extent = max_component(hi - lo);
   const float scale = extent > 0x1p-100f ? static_cast<float>(1u << kBits) / extent : 0.0f;
-  const Vec3 at = (boxes[i].center() - lo) * scale;
+  const Vec3 longer = max((hi - lo) * (scale / static_cast<float>(1u << kBits)), Vec3(0.5f));
+  const Vec3 at = (boxes[i].center() - lo) * longer * scale;
   const auto cell = [](float x) {
     return static_cast<uint64_t>(clamp(x, 0.0f, static_cast<float>((1u << kBits) - 1)));
   };
@@ -141,7 +143,7 @@ struct Scratch {
 };
 
 template <class Code>
-void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_leaf, DeviceTree* out) {
+void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_leaf, bool radix, DeviceTree* out) {
   const size_t bytes = Scratch<Code>(nullptr, n).bytes;
   const DeviceBuffer<uint8_t> memory(bytes);
   const Scratch<Code> s(memory.data(), n);
@@ -158,7 +160,7 @@ void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_
                                              s.arrays.references, n, 0, sizeof(Code) == 8 ? 63 : 30),
              "sort Morton codes");
   const BinaryTree tree{boxes, s.nodes, s.cuts, s.root, n};
-  cluster_cuda(s.codes, s.arrays, tree);
+  cluster_cuda(s.codes, s.arrays, tree, radix);
   uint32_t* todo = s.arrays.ranges;  // no longer needed as such
   collapse_cuda(tree, first_node, first_leaf, todo, s.collapse, out->nodes.data(), capacity, out->order.data(), out);
   if (out->stats.nodes > capacity) {
@@ -187,11 +189,17 @@ void triangle_boxes_cuda(const Vec3* positions, const uint32_t* indices, uint32_
 DeviceTree build_tree_cuda(const Bounds* boxes, uint32_t count, uint32_t first_node, uint32_t first_leaf,
                            BuildQuality quality) {
   DeviceTree tree;
-  if (quality == BuildQuality::Fast) {
-    build<uint32_t>(boxes, count, first_node, first_leaf, &tree);
-  } else {
-    build<uint64_t>(boxes, count, first_node, first_leaf, &tree);
+  double seconds = 0;
+  for (const bool radix : {false, true}) {  // clusters may be too deep to traverse; codes have only so many bits
+    if (quality == BuildQuality::Fast) {
+      build<uint32_t>(boxes, count, first_node, first_leaf, radix, &tree);
+    } else {
+      build<uint64_t>(boxes, count, first_node, first_leaf, radix, &tree);
+    }
+    seconds += tree.costs.device_seconds;
+    if (!tree.levels.empty()) break;
   }
+  tree.costs.device_seconds = seconds;
   return tree;
 }
 

@@ -12,13 +12,13 @@
 
 namespace destello {
 
-// What a build took on the device.
+// What a build took on the device; zeros if the host made the tree in the end.
 struct CudaBuildCosts {
   double device_seconds = 0;     // from the boxes in device memory to the nodes there
   uint64_t temporary_bytes = 0;  // at most in use at a time, besides the boxes and the result
 };
 
-// As build_bvh, on options.cuda_device. Trees too deep for traversal are built on the host instead. Throws
+// As build_bvh, on options.cuda_device. Fast: coarser Morton codes than Balanced; High: as Balanced. Trees too deep for traversal are built on the host instead. Throws
 // std::runtime_error if the device's memory does not suffice.
 uint32_t build_bvh_cuda(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                         std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options,

@@ -1,10 +1,11 @@
 // The binary tree, by H-PLOC (Benthin et al. 2024). Boxes are sorted along the Morton curve, which makes them the leaves of
 // a radix tree (Karras 2012; climbed from below as in Apetrei 2014). Each of its nodes gathers the clusters of both halves,
-// at most 16 of each, and if there are more than 16 a warp merges nearest neighbours until that many are left.
+// at most 16 of each, and if there are more than 16 a warp merges nearest neighbours until that many are left. (With 1 in
+// place of 16 the result is the radix tree itself.)
 //
-// Results do not depend on scheduling. A merge is the mutually nearest of clusters in the order of the curve; ties go to
-// lanes whose numbers differ in lower bits, which makes the tree over equal boxes a balanced one. The node that a merge
-// writes is numbered by the first box of the two clusters' positions, which no other merge will have.
+// Results do not depend on scheduling. What is merged depends on the order of the clusters along the curve alone; ties go to
+// lanes whose numbers differ in lower bits, which makes the tree over equal boxes a balanced one. Each cluster has a position
+// that is its own, that of one of its boxes: a merge's node is numbered by the lower of the two, and the higher lives on.
 #include "accel/bvh_cuda.cuh"
 
 namespace destello {
@@ -13,8 +14,11 @@ namespace {
 
 constexpr uint32_t kNone = 0xffffffffU;
 constexpr uint32_t kAll = 0xffffffffU;  // lanes of a warp
-constexpr uint32_t kKept = 16;          // clusters that a node of the radix tree hands on
-constexpr uint32_t kSearch = 8;         // neighbours looked at, each way
+// Neighbours looked at, each way. Rays take no fewer steps through trees made with more of them (benches/LOG.md).
+constexpr uint32_t kSearch = 3;
+// Bits of an area that count: to an eighth. What is about as near goes by the order of the curve, which keeps the clusters of
+// a regular mesh regular: rays take 1 to 2 % fewer steps.
+constexpr uint32_t kAreaBits = 0xfff00000U;
 constexpr uint32_t kThreads = 64;
 
 template <class Code>
@@ -22,6 +26,7 @@ struct ClusterTask {
   const Code* codes;
   ClusterArrays arrays;
   BinaryTree tree;
+  uint32_t kept;  // clusters that a node of the radix tree hands on, at most 16
 };
 
 // A lane's cluster in a warp's list.
@@ -91,13 +96,14 @@ __device__ uint32_t nth_bit(uint32_t mask, uint32_t n) {
 
 // The lane of the nearest among the first `count` lanes' clusters: the one with the smallest box over both.
 __device__ uint32_t nearest(const Cluster& c, uint32_t lane, uint32_t count) {
-  uint32_t best = kNone;  // the area's bits but for the last five, which say in which bits the lanes' numbers differ
+  // Area, coarsely, and below it in which bits the lanes' numbers differ.
+  uint32_t best = kNone;
   DST_UNROLL
   for (uint32_t by = 1; by <= kSearch; ++by) {
     Bounds both = shuffle_down(c.bounds, by);
     both.grow(c.bounds);
     const Vec3 e = both.extent();
-    const uint32_t area = __float_as_uint(e.x * e.y + e.y * e.z + e.z * e.x) & ~31u;
+    const uint32_t area = __float_as_uint(e.x * e.y + e.y * e.z + e.z * e.x) & kAreaBits;
     const uint32_t key = lane + by < count ? area | (lane ^ (lane + by)) : kNone;
     best = min(best, key);
     const uint32_t from_below = __shfl_up_sync(kAll, key, by);
@@ -131,12 +137,15 @@ __device__ uint32_t merge_round(const BinaryTree& tree, uint32_t lane, uint32_t 
 }
 
 // A warp merges what the two halves of a range have left.
-__device__ void merge_halves(const ClusterArrays& arrays, const BinaryTree& tree, uint32_t first, uint32_t split,
-                             uint32_t last) {
+template <class Code>
+__device__ void merge_halves(const ClusterTask<Code>& task, uint32_t first, uint32_t split, uint32_t last) {
   __threadfence();  // what other warps wrote before they came to the split is to be seen
   const uint32_t lane = threadIdx.x & 31;
-  const uint32_t half = lane / kKept, at = (half == 0 ? first : split) + lane % kKept;
-  const bool inside = at < (half == 0 ? split : last + 1);
+  const ClusterArrays& arrays = task.arrays;
+  const BinaryTree& tree = task.tree;
+  const bool on_left = lane < task.kept;
+  const uint32_t at = on_left ? first + lane : split + (lane - task.kept);
+  const bool inside = lane < 2 * task.kept && at < (on_left ? split : last + 1);
   Cluster mine{{}, kNone, 0, 1};
   if (inside) mine.reference = __ldcg(arrays.references + at), mine.position = __ldcg(arrays.positions + at);
   const uint32_t full = __ballot_sync(kAll, mine.reference != kNone);
@@ -152,10 +161,10 @@ __device__ void merge_halves(const ClusterArrays& arrays, const BinaryTree& tree
     mine.count = n.count();
   }
   const bool is_root = first == 0 && last == tree.count - 1;
-  while (count > (is_root ? 1 : kKept)) count = merge_round(tree, lane, count, &mine);
+  while (count > (is_root ? 1 : task.kept)) count = merge_round(tree, lane, count, &mine);
   if (is_root) {
     if (lane == 0) *tree.root = mine.reference;
-  } else if (lane < kKept) {
+  } else if (lane < task.kept) {
     arrays.references[first + lane] = lane < count ? mine.reference : kNone;
     arrays.positions[first + lane] = mine.position;
   }
@@ -169,34 +178,34 @@ __global__ void __launch_bounds__(kThreads) cluster_kernel(ClusterTask<Code> tas
   while (__any_sync(kAll, climbs)) {
     if (climbs) climbs = climb(task, &first, &last, &split);
     const bool is_root = climbs && first == 0 && last == task.tree.count - 1;
-    uint32_t ready = __ballot_sync(kAll, climbs && (is_root || last - first >= kKept));
+    uint32_t ready = __ballot_sync(kAll, climbs && (is_root || last - first >= task.kept));
     for (; ready != 0; ready &= ready - 1) {
       const int lane = __ffs(static_cast<int>(ready)) - 1;
-      merge_halves(task.arrays, task.tree, __shfl_sync(kAll, first, lane), __shfl_sync(kAll, split, lane),
-                   __shfl_sync(kAll, last, lane));
+      merge_halves(task, __shfl_sync(kAll, first, lane), __shfl_sync(kAll, split, lane), __shfl_sync(kAll, last, lane));
     }
     if (is_root) climbs = false;
   }
 }
 
 template <class Code>
-void cluster(const Code* codes, const ClusterArrays& arrays, const BinaryTree& tree) {
+void cluster(const Code* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix) {
   if (tree.count == 1) {
     check_cuda(cudaMemsetAsync(tree.root, 0, sizeof(uint32_t)), "clear memory");
     return;
   }
   check_cuda(cudaMemsetAsync(arrays.ranges, 0xff, tree.count * sizeof(uint32_t)), "clear memory");
-  cluster_kernel<<<(tree.count + kThreads - 1) / kThreads, kThreads>>>(ClusterTask<Code>{codes, arrays, tree});
+  cluster_kernel<<<(tree.count + kThreads - 1) / kThreads, kThreads>>>(
+      ClusterTask<Code>{codes, arrays, tree, radix ? 1u : 16u});
   check_cuda(cudaGetLastError(), "cluster boxes");
 }
 
 }  // namespace
 
-void cluster_cuda(const uint64_t* codes, const ClusterArrays& arrays, const BinaryTree& tree) {
-  cluster(codes, arrays, tree);
+void cluster_cuda(const uint64_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix) {
+  cluster(codes, arrays, tree, radix);
 }
-void cluster_cuda(const uint32_t* codes, const ClusterArrays& arrays, const BinaryTree& tree) {
-  cluster(codes, arrays, tree);
+void cluster_cuda(const uint32_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix) {
+  cluster(codes, arrays, tree, radix);
 }
 
 }  // namespace destello

@@ -197,7 +197,8 @@ __device__ void write_node(const Octet& octet, const Subtree& top, const Subtree
   }
   if (!mine.empty()) {
     grid.write_box(mine.bounds, slot, staging);
-    staging->meta[slot] = mine.is_inner() ? inner_meta(slot) : leaf_meta(mine.count, slots.leaves_before(slot));
+    atomicOr(&staging->used, 1u << slot);
+    atomicOr(&staging->children, child_bits(mine, slot));
   }
   __syncwarp();
   if (to != nullptr && octet.lane < sizeof(Node8) / 16)

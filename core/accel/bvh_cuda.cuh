@@ -74,9 +74,10 @@ struct ClusterArrays {
   uint32_t* ranges;
 };
 
-// Makes the binary tree. `codes`: sorted Morton codes; `references`: the boxes in their order.
-void cluster_cuda(const uint64_t* codes, const ClusterArrays& arrays, const BinaryTree& tree);
-void cluster_cuda(const uint32_t* codes, const ClusterArrays& arrays, const BinaryTree& tree);
+// Makes the binary tree. `codes`: sorted Morton codes; `references`: the boxes in their order. `radix`: the codes' own tree,
+// without clustering.
+void cluster_cuda(const uint64_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix);
+void cluster_cuda(const uint32_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix);
 
 // Bytes of scratch memory that collapse_cuda wants besides `todo`.
 size_t collapse_scratch_bytes(uint32_t boxes);

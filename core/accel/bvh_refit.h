@@ -21,14 +21,13 @@ std::vector<uint32_t> level_ranges(const std::vector<Node8>& nodes, uint32_t roo
 template <class Child, class Leaf>
 DST_FN Bounds refit_node(Node8* node, const Child& child, const Leaf& leaf) {
   Bounds whole, boxes[8];
-  uint32_t next_child = node->first_child;
+  uint32_t next_child = node->first_child, next_leaf = node->first_leaf;
   for (uint32_t s = 0; s < 8; ++s) {
-    const uint32_t meta = node->meta[s];
-    if (meta == 0) continue;
-    if (node->inner_mask >> s & 1) {
+    if (!node->is_used(s)) continue;
+    if (node->is_inner(s)) {
       boxes[s] = child(next_child++);
     } else {
-      for (uint32_t k = 0; meta >> (5 + k) & 1; ++k) boxes[s].grow(leaf(node->first_leaf + (meta & 31) + k));
+      for (uint32_t bits = node->leaf_bits(s); bits != 0; bits >>= 1) boxes[s].grow(leaf(next_leaf++));
     }
     whole.grow(boxes[s]);
   }
@@ -36,7 +35,7 @@ DST_FN Bounds refit_node(Node8* node, const Child& child, const Leaf& leaf) {
   const NodeGrid grid(whole);
   grid.write_to(node);
   for (uint32_t s = 0; s < 8; ++s)
-    if (node->meta[s] != 0) grid.write_box(boxes[s], s, node);
+    if (node->is_used(s)) grid.write_box(boxes[s], s, node);
   return whole;
 }
 

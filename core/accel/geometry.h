@@ -1,6 +1,7 @@
 // What traversal reads: leaf primitives, instances, and the test of a ray against one primitive.
 #pragma once
 
+#include "base/bits.h"
 #include "base/span.h"
 #include "base/transform.h"
 #include "shape/sphere.h"
@@ -52,12 +53,32 @@ struct SphereBlock;
 struct HostUnit;
 struct HostTarget;
 
+inline constexpr uint32_t kSphereBlock = 8;
+
+struct alignas(16) PackedSphere {
+  Vec3 center;       // at time 0
+  float radius = 0;  // NaN: none, which nothing hits
+};
+struct alignas(16) SphereMotion {
+  Vec3 displacement;  // from time 0 to 1
+  uint32_t unused = 0;
+};
+
+// A tree whose leaves are blocks of kSphereBlock spheres each, for scenes of nothing but spheres: sphere_tree.h.
+struct SphereTree {
+  const Node8* nodes = nullptr;
+  const PackedSphere* spheres = nullptr;
+  const SphereMotion* motion = nullptr;  // null: nothing moves
+  const uint32_t* leaves = nullptr;      // their leaf primitives
+};
+
 struct GeometryView {
   const Node8* nodes = nullptr;  // node 0 is the root of the world
   const LeafPrimitive* leaves = nullptr;
   const Instance* instances = nullptr;
   const TriangleVertices* moving = nullptr;
   uint32_t has_instances = 0;
+  SphereTree sphere_tree;  // device only, and only where it is of use
   // Host only: see sphere_blocks.h.
   uint32_t only_blocks = 0;  // 1: every leaf primitive is in a block
   const SphereBlock* blocks = nullptr;
@@ -85,6 +106,16 @@ struct LocalRay {
   }
 };
 
+DST_FN bool intersect_triangle_leaf(const TriangleVertices& v, uint32_t index, const LocalRay& ray, Hit* hit) {
+  const TriangleHit h = intersect_triangle(ray.origin, ray.direction, ray.frame, hit->t, v.a, v.b, v.c);
+  if (h.t == kInfinity) return false;
+  hit->t = h.t;
+  hit->u = h.u;
+  hit->v = h.v;
+  hit->leaf = index;
+  return true;
+}
+
 // Tests leaf primitive `index`; on a nearer hit writes t, u, v and leaf and returns true. Not for instances.
 DST_FN bool intersect_primitive(const GeometryView& g, const LeafPrimitive& p, uint32_t index, const LocalRay& ray,
                                 Hit* hit) {
@@ -95,14 +126,44 @@ DST_FN bool intersect_primitive(const GeometryView& g, const LeafPrimitive& p, u
     hit->leaf = index;
     return true;
   }
-  const TriangleVertices v = triangle_at(g, p, ray.time);
-  const TriangleHit h = intersect_triangle(ray.origin, ray.direction, ray.frame, hit->t, v.a, v.b, v.c);
-  if (h.t == kInfinity) return false;
-  hit->t = h.t;
-  hit->u = h.u;
-  hit->v = h.v;
-  hit->leaf = index;
-  return true;
+  return intersect_triangle_leaf(triangle_at(g, p, ray.time), index, ray, hit);
+}
+
+// As intersect_primitive, for triangles that do not move.
+DST_FN bool intersect_static_triangle(const LeafPrimitive& p, uint32_t index, const LocalRay& ray, Hit* hit) {
+  return intersect_triangle_leaf({p.a, p.b, p.c}, index, ray, hit);
+}
+
+// Tests the spheres of a block; on a nearer hit writes t and leaf and returns true. The direction is that of a ray in the world.
+DST_FN bool intersect_block(const SphereTree& tree, uint32_t block, Vec3 origin, Vec3 direction, float time, Hit* hit) {
+  const PackedSphere* spheres = tree.spheres + block * kSphereBlock;
+  const auto center = [&](uint32_t i, const PackedSphere& s) {
+    if (tree.motion == nullptr) return s.center;
+    return s.center + load_wide(tree.motion + block * kSphereBlock + i).displacement * time;
+  };
+  // First those whose line is met, not clearly behind the origin: the test's first half (sphere.h), without a square root.
+  constexpr float kClearly = 0.99999f;
+  const float inverse = 1.0f / length_squared(direction);
+  uint32_t candidates = 0;
+  DST_UNROLL
+  for (uint32_t i = 0; i < kSphereBlock; ++i) {
+    const PackedSphere s = load_wide(spheres + i);
+    const Vec3 f = origin - center(i, s);
+    const float away = dot(f, direction), steps = away * inverse;
+    const float discriminant = s.radius * s.radius - length_squared(f - direction * steps);
+    if (discriminant >= max(away, 0.0f) * steps * kClearly) candidates |= 1u << i;
+  }
+  bool found = false;
+  for (; candidates != 0; candidates &= candidates - 1) {
+    const uint32_t i = static_cast<uint32_t>(lowest_bit(candidates));
+    const PackedSphere s = load_wide(spheres + i);
+    const float t = intersect_sphere(origin, direction, hit->t, center(i, s), s.radius);
+    if (t == kInfinity) continue;
+    hit->t = t;
+    hit->leaf = tree.leaves[block * kSphereBlock + i];
+    found = true;
+  }
+  return found;
 }
 
 }  // namespace destello

@@ -20,20 +20,13 @@ struct HostTreeBuilder {
   RawVector<HostUnit>* units;
   std::vector<HostTarget>* targets;
 
-  // Leaf primitives of a node.
-  static uint32_t primitives(const Node8& node) {
-    uint32_t n = 0;
-    for (uint32_t s = 0; s < 8; ++s)
-      if (!(node.inner_mask >> s & 1)) n += static_cast<uint32_t>(count_bits(node.meta[s] >> 5));
-    return n;
-  }
   bool all_triangles(const Node8& node, uint32_t n) const {
     const LeafPrimitive* first = leaves.data() + node.first_leaf;
     return std::all_of(first, first + n, [](const LeafPrimitive& p) { return p.kind() == PrimitiveKind::Triangle; });
   }
   // How many blocks the leaves of node i make: none if they are not all triangles, or too many.
   uint32_t count_blocks(uint32_t i) const {
-    const uint32_t n = primitives(nodes[i]);
+    const uint32_t n = nodes[i].leaf_count();
     return n <= 16 && all_triangles(nodes[i], n) ? (n + 7) / 8 : 0;
   }
   // The target of node i, if its units begin at `unit`, and how many units it takes.
@@ -61,7 +54,7 @@ struct HostTreeBuilder {
       out->blocks = HostTarget::make(blocks == 2 ? HostKind::TwoBlocks : HostKind::OneBlock, unit);
       fill_node(node, blocks_of_node[i], blocks != 0, out);
     }
-    const uint32_t n = primitives(node);
+    const uint32_t n = node.leaf_count();
     for (uint32_t k = 0; k < blocks; ++k)
       fill_block(node.first_leaf + 8 * k, std::min(n - 8 * k, 8u),
                  new (&(*units)[unit + k * kBlockUnits]) TriangleBlock);
@@ -78,9 +71,8 @@ struct HostTreeBuilder {
     out->block_slots = 0;
     uint32_t child = node.first_child;
     for (uint32_t s = 0; s < 8; ++s) {
-      const uint32_t meta = node.meta[s];
-      const bool inner = node.inner_mask >> s & 1;
-      const bool used = inner || (meta != 0 && spheres == 0);
+      const bool inner = node.is_inner(s);
+      const bool used = inner || (node.is_used(s) && spheres == 0);
       for (int k = 0; k < 3; ++k) {
         const float step = bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23);
         out->planes[k][s] = used ? node.origin[k] + step * static_cast<float>(node.lo[k][s]) : kInfinity;
@@ -92,8 +84,7 @@ struct HostTreeBuilder {
       } else if (used && blocks) {
         out->block_slots |= 1u << s;
       } else if (used) {
-        out->targets[s] =
-            HostTarget::make(static_cast<HostKind>(count_bits(meta >> 5)), node.first_leaf + (meta & 0x1fu));
+        out->targets[s] = HostTarget::make(static_cast<HostKind>(node.leaf_count(s)), node.leaf_begin(s));
       }
     }
   }

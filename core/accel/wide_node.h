@@ -146,10 +146,9 @@ struct NodeGrid {
   DST_HD static uint8_t plane(float x) { return static_cast<uint8_t>(clamp(x, 0.0f, 255.0f)); }
 };
 
-// Node8::meta of an inner child, and of a leaf child whose first primitive is `position` after the node's first.
-DST_FN uint8_t inner_meta(uint32_t slot) { return static_cast<uint8_t>(0x20u | (24 + slot)); }
-DST_FN uint8_t leaf_meta(uint32_t count, uint32_t position) {
-  return static_cast<uint8_t>(((1u << count) - 1) << 5 | position);
+// The child's part of Node8::children; it is not empty.
+DST_FN uint32_t child_bits(const Subtree& child, uint32_t slot) {
+  return child.is_inner() ? 1u << (24 + slot) : ((1u << child.count) - 1) << (3 * slot);
 }
 
 // A node whose child in slot s is by_slot[s]. Inner children are nodes from `first_child` on, primitives of the leaf
@@ -160,18 +159,13 @@ DST_FN Node8 make_node(const Bounds& bounds, const Subtree* by_slot, uint32_t fi
   grid.write_to(&node);
   node.first_child = first_child;
   node.first_leaf = first_leaf;
-  uint32_t leaf_position = 0;
   for (uint32_t s = 0; s < 8; ++s) {
     const Subtree& child = by_slot[s];
     if (child.empty()) continue;
+    node.used |= 1u << s;
+    node.children |= child_bits(child, s);
     grid.write_box(child.bounds, s, &node);
-    if (child.is_inner()) {
-      node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
-      node.meta[s] = inner_meta(s);
-    } else {
-      node.meta[s] = leaf_meta(child.count, leaf_position);
-      leaf_position += child.count;
-    }
+    if (child.is_inner()) node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
   }
   return node;
 }

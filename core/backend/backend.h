@@ -17,6 +17,9 @@ struct RenderCounts {
   uint64_t samples = 0;       // whole samples
   uint64_t nonfinite = 0;     // samples dropped because arithmetic failed
   double device_seconds = 0;  // of the render kernels alone; 0 on the CPU
+  uint64_t paths = 0;         // that are under way at once, and the bytes that each of them takes
+  uint64_t path_bytes = 0;
+  uint64_t path_device_bytes = 0;  // of all paths together in the device's memory; 0: they live on the chip
 };
 
 class Backend {
@@ -39,6 +42,9 @@ struct DeviceInfo {
 
 #if defined(DST_HAS_CUDA)
 std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device);
+// Traces rays `repeat` times, after copying all that is needed; returns each time's seconds on the device. any: any hit will do.
+std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::vector<Ray>& rays, bool any,
+                                    uint32_t repeat, std::vector<Hit>* hits);
 std::vector<DeviceInfo> cuda_devices();
 // Empty if CUDA devices can be used, else why not.
 std::string cuda_problem();

@@ -32,13 +32,15 @@ class CpuBackend final : public Backend {
         const uint32_t rect[4] = {x, y, std::min(x + kTile, c.x1), std::min(y + kTile, c.y1)};
         cpu_kernels().render_tile(&scene_.view(), &task, &film, rect, &cancel, n);
       }
-      *out = {n[0], n[1], n[2], 0};
+      out->rays = n[0], out->samples = n[1], out->nonfinite = n[2];
     };
     std::vector<std::thread> threads;
     for (size_t i = 1; i < counts.size(); ++i) threads.emplace_back(work, &counts[i]);
     work(&counts[0]);
     for (std::thread& t : threads) t.join();
     RenderCounts total;
+    total.paths = counts.size() * kCpuBatch;
+    total.path_bytes = sizeof(Path) + sizeof(Hit) + sizeof(SampleAovs);
     for (const RenderCounts& n : counts) {
       total.rays += n.rays;
       total.samples += n.samples;

@@ -29,7 +29,7 @@ struct HostTracer {
 
 // Samples under way at a time. Each stage runs over all of them before the next: neighbours take the same branches, and
 // the processor starts on one while it still waits for another.
-constexpr uint32_t kBatch = 32;
+constexpr uint32_t kBatch = kCpuBatch;
 
 struct Batch {
   Path paths[kBatch];

@@ -22,6 +22,9 @@ DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2;
 
 namespace destello {
 
+// Paths that a thread follows side by side.
+inline constexpr uint32_t kCpuBatch = 32;
+
 // The build of the kernels that fits this processor.
 struct CpuKernels {
   DstRenderTile* render_tile;

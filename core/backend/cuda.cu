@@ -116,13 +116,7 @@ class CudaBackend final : public Backend {
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
     if (use_queues(*p)) {
       p->items = tiles * ((samples + kUnitSamples - 1) / kUnitSamples);
-      if (!p->scene.simple) {
-        launch_queues<true, false>(*p);
-      } else if (lights_are_sampled(*p)) {
-        launch_queues<true, true>(*p);
-      } else {
-        launch_queues<false, true>(*p);
-      }
+      launch_queues(*p);
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
       launch_kernel(p->film.aovs != nullptr ? fused_kernel<true> : fused_kernel<false>, *p, kFusedThreads, 0,
@@ -146,9 +140,24 @@ class CudaBackend final : public Backend {
            !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
   }
 
-  template <bool kShadows, bool kSimple>
   void launch_queues(const KernelParams& p) const {
-    launch_kernel(queue_kernel<kShadows, kSimple>, p, QueueBlock<kShadows, kSimple>::kThreads,
+    if (!p.scene.simple) return launch_queues_as<true, false, LeafKind::Any>(p);
+    const bool shadows = lights_are_sampled(p);
+    if (scene_->leaf_kind() == LeafKind::Spheres) return launch_queues_with<LeafKind::Spheres>(p, shadows);
+    if (scene_->leaf_kind() == LeafKind::Triangles) return launch_queues_with<LeafKind::Triangles>(p, shadows);
+    launch_queues_with<LeafKind::Any>(p, shadows);
+  }
+  template <LeafKind kLeaves>
+  void launch_queues_with(const KernelParams& p, bool shadows) const {
+    if (shadows) {
+      launch_queues_as<true, true, kLeaves>(p);
+    } else {
+      launch_queues_as<false, true, kLeaves>(p);
+    }
+  }
+  template <bool kShadows, bool kSimple, LeafKind kLeaves>
+  void launch_queues_as(const KernelParams& p) const {
+    launch_kernel(queue_kernel<kShadows, kSimple, kLeaves>, p, QueueBlock<kShadows, kSimple, kLeaves>::kThreads,
                   queue_memory<kShadows>(architecture_), p.items);
   }
 

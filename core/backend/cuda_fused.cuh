@@ -4,6 +4,7 @@
 // memory and the item's sums to the film.
 #pragma once
 
+#include "accel/traversal.h"
 #include "backend/cuda_params.cuh"
 #include "integrate/path_tracer.h"
 
@@ -107,7 +108,7 @@ struct Lane {
   Path path;
   ShadowRay shadow;
   SampleAovs aovs;
-  Traversal traversal;
+  Traversal<LeafKind::Any> traversal;
   Group stack[kTraversalStack];
 
   __device__ Lane(const KernelParams& params, ThreadSums film_sums) : p(params), film(film_sums) {}

@@ -9,6 +9,7 @@
 // on its way, and following it while shading makes this kernel slower than the fused one (benches/LOG.md).
 #pragma once
 
+#include "accel/traversal.h"
 #include "backend/cuda_params.cuh"
 #include "backend/cuda_slots.cuh"
 #include "integrate/path_tracer.h"
@@ -72,8 +73,8 @@ inline constexpr uint32_t kArchitecture = __CUDA_ARCH__;
 inline constexpr uint32_t kArchitecture = 900;  // for the host's eyes only
 #endif
 
-// kSimpleScene: SceneView::simple.
-template <bool kShadows, bool kSimpleScene>
+// kSimpleScene: SceneView::simple. kLeaves: what the scene's leaves are.
+template <bool kShadows, bool kSimpleScene, LeafKind kLeaves>
 class QueueBlock {
  public:
   // More threads share the registers where shading is short.
@@ -168,7 +169,7 @@ class QueueBlock {
     const uint32_t count = state().ray_count[turn];
     constexpr uint32_t kNothing = 0xffffffffu;
     Group stack[kTraversalStack];
-    Traversal way;
+    Traversal<kLeaves> way;
     uint32_t item = kNothing;  // of the list of rays: under way, or ended and to be handed on
     bool active = false, more = true;
     for (;;) {
@@ -314,9 +315,9 @@ class QueueBlock {
   }
 };
 
-template <bool kShadows, bool kSimpleScene>
-__global__ void __launch_bounds__(QueueBlock<kShadows, kSimpleScene>::kThreads, kQueueBlocks) queue_kernel() {
-  QueueBlock<kShadows, kSimpleScene>().run();
+template <bool kShadows, bool kSimpleScene, LeafKind kLeaves>
+__global__ void __launch_bounds__(QueueBlock<kShadows, kSimpleScene, kLeaves>::kThreads, kQueueBlocks) queue_kernel() {
+  QueueBlock<kShadows, kSimpleScene, kLeaves>().run();
 }
 
 }  // namespace destello

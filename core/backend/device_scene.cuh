@@ -1,6 +1,10 @@
 // A scene in device memory: explicit copies of the host's arrays.
 #pragma once
 
+#include <algorithm>
+
+#include "accel/sphere_tree.h"
+#include "accel/traversal.h"
 #include "base/device_buffer.h"
 #include "scene/scene.h"
 
@@ -15,6 +19,17 @@ class DeviceScene {
     view_.geometry.leaves = keep(&leaves_, a.leaves);
     view_.geometry.instances = keep(&instances_, a.instances);
     view_.geometry.moving = keep(&moving_, a.moving);
+    const auto is_triangle = [](const LeafPrimitive& p) { return p.kind() == PrimitiveKind::Triangle; };
+    if (std::all_of(a.leaves.begin(), a.leaves.end(), is_triangle)) leaf_kind_ = LeafKind::Triangles;
+    if (view_.geometry.only_blocks) {
+      leaf_kind_ = LeafKind::Spheres;
+      const SphereTreeArrays tree = build_sphere_tree(a.leaves);
+      SphereTree& t = view_.geometry.sphere_tree;
+      t.nodes = keep(&sphere_nodes_, tree.nodes);
+      t.spheres = keep(&spheres_, tree.spheres);
+      t.motion = keep(&sphere_motion_, tree.motion);
+      t.leaves = keep(&sphere_leaves_, tree.leaves);
+    }
     view_.triangles = keep(&triangles_, a.triangles);
     view_.normals = keep(&normals_, a.normals);
     view_.uvs = keep(&uvs_, a.uvs);
@@ -37,6 +52,8 @@ class DeviceScene {
     view_.light_data.image.conditional.data = keep(&environment_conditional_, a.environment.conditional);
   }
   const SceneView& view() const { return view_; }
+  // What the leaves are: the traversal that fits.
+  LeafKind leaf_kind() const { return leaf_kind_; }
 
  private:
   template <class T>
@@ -46,10 +63,15 @@ class DeviceScene {
   }
 
   SceneView view_;
+  LeafKind leaf_kind_ = LeafKind::Any;
   DeviceBuffer<Node8> nodes_;
   DeviceBuffer<LeafPrimitive> leaves_;
   DeviceBuffer<Instance> instances_;
   DeviceBuffer<TriangleVertices> moving_;
+  DeviceBuffer<Node8> sphere_nodes_;
+  DeviceBuffer<PackedSphere> spheres_;
+  DeviceBuffer<SphereMotion> sphere_motion_;
+  DeviceBuffer<uint32_t> sphere_leaves_;
   DeviceBuffer<ObjectRecord> objects_;
   DeviceBuffer<uint32_t> triangles_, suns_;
   DeviceBuffer<Vec3> normals_, environment_texels_;

@@ -1,4 +1,4 @@
-// Device memory with an owner, and checked CUDA calls.
+// Device memory with an owner, counted (base/device_memory.h), and checked CUDA calls.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "base/device_memory.h"
 
 namespace destello {
 
@@ -23,8 +25,7 @@ class DeviceBuffer {
  public:
   DeviceBuffer() = default;
   explicit DeviceBuffer(size_t count) { allocate(count); }
-  explicit DeviceBuffer(const std::vector<T>& values) {
-    allocate(values.size());
+  explicit DeviceBuffer(const std::vector<T>& values) : DeviceBuffer(values.size()) {
     if (!values.empty())
       check_cuda(cudaMemcpy(data_, values.data(), values.size() * sizeof(T), cudaMemcpyHostToDevice),
                  "copy to the device");
@@ -36,7 +37,11 @@ class DeviceBuffer {
     std::swap(size_, other.size_);
     return *this;
   }
-  ~DeviceBuffer() { cudaFree(data_); }
+  ~DeviceBuffer() {
+    if (data_ == nullptr) return;
+    cudaFree(data_);
+    device_memory().device.remove(size_ * sizeof(T));
+  }
 
   T* data() const { return data_; }
   size_t size() const { return size_; }
@@ -55,6 +60,7 @@ class DeviceBuffer {
                                " MiB free; a smaller image (--size), smaller textures or --device cpu would fit");
     }
     check_cuda(error, "allocate memory");
+    device_memory().device.add(count * sizeof(T));
   }
 
   T* data_ = nullptr;
@@ -67,18 +73,27 @@ class PinnedBuffer {
   PinnedBuffer() = default;
   explicit PinnedBuffer(size_t doubles) {
     check_cuda(cudaMallocHost(reinterpret_cast<void**>(&data_), doubles * sizeof(double)), "allocate pinned memory");
+    size_ = doubles;
+    device_memory().pinned.add(size_ * sizeof(double));
   }
-  PinnedBuffer(PinnedBuffer&& other) noexcept : data_(std::exchange(other.data_, nullptr)) {}
+  PinnedBuffer(PinnedBuffer&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
   PinnedBuffer& operator=(PinnedBuffer&& other) noexcept {
     std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
     return *this;
   }
-  ~PinnedBuffer() { cudaFreeHost(data_); }
+  ~PinnedBuffer() {
+    if (data_ == nullptr) return;
+    cudaFreeHost(data_);
+    device_memory().pinned.remove(size_ * sizeof(double));
+  }
 
   double* data() const { return data_; }
 
  private:
   double* data_ = nullptr;
+  size_t size_ = 0;
 };
 
 }  // namespace destello

@@ -5,14 +5,14 @@
 
 namespace destello {
 
-struct Ray {
+struct alignas(16) Ray {
   Vec3 origin;
   Vec3 direction;  // unit in world space; instances scale it, so that t means the same in every space
   float t_max = kInfinity;
   float time = 0;  // 0: shutter interval's start, 1: its end
 };
 
-// The nearest hit of a ray. 24 bytes.
+// The nearest hit of a ray. 20 bytes.
 struct Hit {
   static constexpr uint32_t kNone = 0xffffffffU;
 

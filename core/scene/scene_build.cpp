@@ -53,12 +53,13 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
-// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md).
+// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
+// host's.
 static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                            std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
 #ifdef DST_HAS_CUDA
   constexpr size_t kFewest = 4096;
-  if (options.cuda_device >= 0 && boxes.size() >= kFewest)
+  if (options.cuda_device >= 0 && options.quality != BuildQuality::High && boxes.size() >= kFewest)
     return build_bvh_cuda(boxes, first_leaf, nodes, order, stats, options);
 #else
   if (options.cuda_device >= 0) throw std::invalid_argument("cuda_device: this build has no CUDA backend");
@@ -257,7 +258,11 @@ static Span<T> span(const std::vector<T>& v) {
 void SceneBuilder::make_view() {
   const SceneArrays& a = scene_->arrays_;
   SceneView& v = scene_->view_;
-  v.geometry = {a.nodes.data(), a.leaves.data(), a.instances.data(), a.moving.data(), a.instances.empty() ? 0u : 1u};
+  v.geometry.nodes = a.nodes.data();
+  v.geometry.leaves = a.leaves.data();
+  v.geometry.instances = a.instances.data();
+  v.geometry.moving = a.moving.data();
+  v.geometry.has_instances = !a.instances.empty();
   v.geometry.only_blocks = a.only_blocks && a.instances.empty();
   v.geometry.blocks = a.blocks.data();
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();

@@ -19,6 +19,7 @@ from destello.color import luminance
 from destello.device import Device, check_fits
 from destello.errors import RenderError
 from destello.job import Request, plan
+from destello.memory import forget_peaks, peaks, per_triangle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class Effort:
     """How a scene is measured.
 
     Attributes:
-        device: where. threads: of the CPU; 0: one a core.
+        device: where. threads: of the CPU; 0: one a core. build: quality of the trees.
         size: width and height of the picture in pixels; None: the scene's.
         spp: samples a pixel of each run that measures rates, 1 or more; `repeat`: how many such runs count, 1 or more.
         target: relative mean squared error to reach, above 0.
@@ -50,6 +51,7 @@ class Effort:
 
     device: Device
     threads: int = 0
+    build: str = "balanced"
     size: tuple[int, int] | None = None
     spp: int = 16
     repeat: int = 5
@@ -78,6 +80,7 @@ def measure(scene: Scene, effort: Effort, say: Callable[[str], None] = lambda _:
 
     Raises InputError for a size out of range, ImageTooLarge, RenderError.
     """
+    forget_peaks()
     run = _Run(scene, effort)
     figures = run.build()
     say(f"built in {figures['build_seconds']:.3g} s; measuring rates with {effort.repeat} x {effort.spp} spp")
@@ -87,7 +90,7 @@ def measure(scene: Scene, effort: Effort, say: Callable[[str], None] = lambda _:
         seconds = samples * run.pixels / figures["kernel_Msamples_s"] / 1e6
         say(f"{figures['kernel_Msamples_s']:.3g} Msamples/s; reference of {samples} spp, about {seconds:.0f} s")
         figures |= run.seconds_to_error()
-    return figures
+    return figures | peaks()
 
 
 def rate_figures(
@@ -122,6 +125,7 @@ class _Run:
         self.width, self.height, self.settings = job.width, job.height, job.settings
         self.pixels = job.width * job.height
         self.camera = job.camera
+        self._paths: dict[str, int] = {}
         self._chunk = 1  # samples a pixel in one call of the core
         self._compiled: CompiledScene
         self._renderer: Any
@@ -131,7 +135,8 @@ class _Run:
         from destello import _core
 
         began = time.perf_counter()
-        self._compiled = self.scene.compile()
+        effort = self.effort
+        self._compiled = self.scene.compile(build=effort.build, device=effort.device.name, threads=effort.threads)
         compiled = time.perf_counter()
         try:
             self._renderer = _core.Renderer(self._compiled.core, self.effort.device.name, self.effort.threads)
@@ -145,6 +150,8 @@ class _Run:
             "max_depth": self.settings["max_depth"],
             **counts,
             **sizes,
+            "triangle_bytes": per_triangle(stats["triangles"], stats["geometry_bytes"], stats["bvh_bytes"]),
+            "build": effort.build,
             "compile_seconds": compiled - began,
             "build_seconds": stats["build_seconds"],
             "build_Mtris_s": stats["triangles"] / max(stats["build_seconds"], 1e-9) / 1e6,
@@ -166,6 +173,7 @@ class _Run:
         )
         self._chunk = max(1, int(_CALL_SECONDS * spp / max(figures["kernel_seconds"], 1e-9)))
         return {
+            **self._paths,
             "spp": spp,
             "repeat": repeat,
             "first_seed": FIRST_SEED + 1,
@@ -235,6 +243,7 @@ class _Run:
             total.wall += counts["seconds"]
             total.seconds += counts["device_seconds"] or counts["seconds"]
             total.rays += counts["rays"]
+            self._paths = {name: counts[name] for name in ("paths", "path_bytes", "path_device_bytes")}
             if film is None:
                 film = part
             else:

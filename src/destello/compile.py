@@ -12,7 +12,7 @@ import numpy as np
 from destello.assets import Assets
 from destello.compile_materials import ImageTable, MaterialCompiler, core_errors
 from destello.defaults import ensure_camera, ensure_light
-from destello.errors import Error, SceneError
+from destello.errors import Error, InputError, SceneError, did_you_mean
 from destello.fingerprint import HashingBuilder
 from destello.geometry import mesh_arrays
 from destello.mesh_checks import check_mesh, check_spheres
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from destello import _core
     from destello.scene import Scene
 
+QUALITIES = ("fast", "balanced", "high")
 WORLD = 0  # the core's group that rays see
 
 
@@ -52,15 +53,50 @@ class CompiledScene:
     fingerprint: str = ""
 
 
-def compile_scene(scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None) -> CompiledScene:
+@dataclass(frozen=True)
+class TreeOptions:
+    """How trees are built.
+
+    Attributes:
+        quality: `fast` (geometry that changes all the time), `balanced` or `high` (long renders).
+        device: the device that will render: on a CUDA device, it also builds the trees of large scenes.
+        threads: of the CPU; 0: one a core.
+    """
+
+    quality: str = "balanced"
+    device: str = "cpu"
+    threads: int = 0
+
+    def for_core(self) -> dict[str, Any]:
+        """The arguments of `_core.SceneBuilder.build`. Raises InputError for an unknown quality."""
+        kind, _, index = self.device.partition(":")
+        return {
+            "quality": check_quality(self.quality),
+            "threads": self.threads,
+            "cuda_device": int(index or 0) if kind == "cuda" else -1,
+        }
+
+
+def check_quality(name: object) -> str:
+    """The name of a build quality. Raises InputError."""
+    if name not in QUALITIES:
+        expected = did_you_mean(name, QUALITIES) if isinstance(name, str) else ", ".join(QUALITIES)
+        raise InputError("no such quality of trees", place="build", value=name, expected=expected)
+    return str(name)
+
+
+def compile_scene(
+    scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None, tree: TreeOptions | None = None
+) -> CompiledScene:
     """Builds the core's scene. See `Scene.compile`."""
+    options = (tree or TreeOptions()).for_core()
     try:
-        return _compile(scene, allow_missing, base_dir)
+        return _compile(scene, allow_missing, base_dir, options)
     except Error as error:
         raise error.within(None, file=scene.source) from error.__cause__
 
 
-def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None) -> CompiledScene:
+def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, options: dict[str, Any]) -> CompiledScene:
     from destello import _core
 
     scene.validate()
@@ -73,7 +109,7 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None) ->
     compiler.scene(scene)
     assets.files.finish()
     with core_errors(scene.name or "scene"):
-        core = builder.build()
+        core = builder.build(**options)
     return CompiledScene(
         core=core,
         cameras=compiler.cameras,

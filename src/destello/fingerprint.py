@@ -14,7 +14,8 @@ class HashingBuilder:
     """Stands before a `_core.SceneBuilder`, passes every call on and hashes it.
 
     Two scenes with the same fingerprint are the same to the core, whatever files they came from; a film can go on with
-    either.
+    either. How the trees are built is not in it: whatever its tree, a ray finds the nearest surface, so pictures differ
+    at most where two surfaces lie at exactly the same distance, and there either is right.
     """
 
     def __init__(self, builder: Any) -> None:
@@ -29,6 +30,10 @@ class HashingBuilder:
             return method(*args, **kwargs)
 
         return call
+
+    def build(self, **options: Any) -> Any:
+        """`build` of the core; its options are not hashed."""
+        return self._builder.build(**options)
 
     def fingerprint(self) -> str:
         """32 hexadecimal digits, of all calls so far."""

@@ -12,15 +12,19 @@ from destello.assets import Assets
 from destello.frames import animations
 from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
+from destello.memory import per_triangle
 from destello.nodes import Node
 
 if TYPE_CHECKING:
     from destello.scene import Scene
 
-# Bytes that the core takes for each element, trees included, roughly.
-TRIANGLE_BYTES = 24  # beside its arrays
-SPHERE_BYTES = 60
-INSTANCE_BYTES = 256
+# Bytes that the core takes for each element, in its leaf and in arrays, and about what its part of the tree takes.
+TRIANGLE_BYTES = 60
+MOVING_TRIANGLE_BYTES = 96
+SPHERE_BYTES = 48
+INSTANCE_BYTES = 212
+TREE_BYTES = 12
+_VERTEX_BYTES = {"normals": 12, "normals1": 12, "uvs": 8, "colors": 16}
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:
@@ -29,7 +33,8 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     Keys: name, size, spp, cameras, shapes (number of each type), triangles, spheres, instances, groups, lights,
     environment, animation (frames until the last keyframe, fps, number of animated objects; None: nothing moves),
     materials, textures (number of each type), images (width, height, channels, bytes of each file), bounds ([low, high]
-    in metres, or None), memory (bytes), missing (paths), notes.
+    in metres, or None), memory (bytes), triangle_bytes (bytes a triangle of geometry and of the tree, or None), missing
+    (paths), notes.
 
     Raises:
         SceneError, FormatError: as `Scene.compile` would for values and files, except for missing ones.
@@ -57,7 +62,8 @@ def scene_info(scene: Scene) -> dict[str, Any]:
         "textures": _types(node for node in nodes if node.kind == "texture"),
         "images": images,
         "bounds": None if box is None else [[float(v) for v in corner] for corner in box],
-        "memory": counts.memory() + sum(image["bytes"] for image in images.values()),
+        "memory": counts.geometry() + counts.tree() + sum(image["bytes"] for image in images.values()),
+        "triangle_bytes": per_triangle(counts.triangles, counts.geometry(), counts.tree()),
         "missing": list(assets.files.missing),
         "notes": [*scene.notes, *assets.notes],
     }
@@ -76,15 +82,21 @@ class _Counts:
     """What the core will hold; meshes that share their arrays count once in memory."""
 
     def __init__(self, scene: Scene, assets: Assets) -> None:
-        self.triangles = self.spheres = self.instances = 0
+        self.triangles = self.spheres = self.instances = self._triangles = 0
         self._bytes: dict[tuple[int, ...], int] = {}
         self._assets = assets
         for place, shape in scene.all_shapes():
             self._add(shape, place)
 
-    def memory(self) -> int:
-        trees = TRIANGLE_BYTES * self.triangles + SPHERE_BYTES * self.spheres + INSTANCE_BYTES * self.instances
-        return trees + sum(self._bytes.values())
+    def geometry(self) -> int:
+        """Bytes of triangles, spheres, instances and vertices."""
+        return (
+            SPHERE_BYTES * self.spheres + INSTANCE_BYTES * self.instances + self._triangles + sum(self._bytes.values())
+        )
+
+    def tree(self) -> int:
+        """Bytes of all trees."""
+        return TREE_BYTES * (self.triangles + self.spheres + self.instances)
 
     def _add(self, shape: Node, place: str) -> None:
         if shape.type == "instance":
@@ -101,7 +113,9 @@ class _Counts:
             arrays = mesh_arrays(shape)
             self.triangles += len(arrays["indices"])
             key = tuple(id(arrays[name]) for name in sorted(arrays)) if shape.type == "mesh" else (id(shape),)
-            self._bytes[key] = sum(array.nbytes for array in arrays.values())
+            moves = "positions1" in arrays or shape["transform1"] is not None
+            self._triangles += len(arrays["indices"]) * (MOVING_TRIANGLE_BYTES if moves else TRIANGLE_BYTES)
+            self._bytes[key] = sum(_VERTEX_BYTES.get(name, 0) * len(array) for name, array in arrays.items())
 
 
 def _images(textures: Iterable[Node], assets: Assets) -> dict[str, dict[str, Any]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from destello import device as devices
+from destello.compile import check_quality
 from destello.device import Device
 from destello.errors import InputError, SceneError, did_you_mean
 from destello.film import Span
@@ -43,6 +44,7 @@ class Request:
     target_error: float | None = None
     time: float | None = None
     threads: int = 0
+    build: str = "balanced"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +59,7 @@ class Job:
         open_ended: the end of `span` is only a limit; time or error are to stop the render.
         settings: for the core.
         aovs: layers wanted in the image; `features`: whether the film has to hold them.
+        threads: of the CPU; 0: one a core. build: quality of the trees.
         time, target_error: when to stop early, or None.
     """
 
@@ -71,6 +74,7 @@ class Job:
     features: bool
     device: Device
     threads: int
+    build: str
     time: float | None
     target_error: float | None
 
@@ -128,6 +132,7 @@ def plan(scene: Scene, request: Request) -> Job:
         features=features,
         device=device,
         threads=threads,
+        build=check_quality(request.build),
         time=time,
         target_error=target_error,
     )

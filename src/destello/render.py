@@ -20,6 +20,7 @@ from destello.film import Film, show_spans, subtract_spans
 from destello.image import Image
 from destello.image_file import Target, check_writable
 from destello.job import Crop, Job, Request, plan
+from destello.memory import peaks, per_triangle
 from destello.passes import Loop
 from destello.progress import Progress, interactive, showing
 
@@ -57,6 +58,7 @@ def render(
     target_error: float | None = None,
     time: float | None = None,
     threads: int = 0,
+    build: str = "balanced",
     progress: Progress | bool | str | None = "auto",
     preview: str | Path | Target | None = None,
     resume: str | Path | None = None,
@@ -88,6 +90,9 @@ def render(
             1 %. It is looked at after fixed numbers of samples, so where it stops is reproducible, too.
         time: stops after this many seconds of rendering.
         threads: of the CPU; 0: one for every core.
+        build: quality of the trees: `fast` (built soonest: for previews and geometry that changes all the time),
+            `balanced` or `high` (rays are fastest: for long renders). It does not change what rays hit. Where a CUDA
+            device renders, it also builds the trees of large scenes.
         progress: `auto`, True, False, or a function that is called with a `destello.progress.Status`.
         preview: an image file that is rewritten while the picture refines.
         resume: a film file (`.film`): if there is one, the render goes on from it, and it is kept up to date.
@@ -114,7 +119,7 @@ def render(
     request = Request(
         spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth, samples=samples, crop=crop,
         filter=filter, aov=(aov,) if isinstance(aov, str) else tuple(aov), denoise=denoise, target_error=target_error,
-        time=time, threads=threads,
+        time=time, threads=threads, build=build,
     )  # fmt: skip
     job = plan(scene, request)
     if preview_target is not None:
@@ -197,6 +202,7 @@ class _Session:
     notes: list[str] = field(default_factory=list)
     build_seconds: float = 0.0
     fingerprint: str = ""
+    stats: dict[str, Any] = field(default_factory=dict)
 
     def run(self, progress: Progress | bool | str | None, allow_missing: bool) -> Image:
         """Builds, renders, makes the image."""
@@ -205,7 +211,11 @@ class _Session:
         began = clock.monotonic()
         device = self.job.device
         self.messages(f"device: {device.name} ({device.label}), because: {device.reason}")
-        compiled = self.scene.compile(allow_missing=allow_missing or None)
+        job = self.job
+        compiled = self.scene.compile(
+            allow_missing=allow_missing or None, build=job.build, device=job.device.name, threads=job.threads
+        )
+        self.stats = compiled.stats
         self.fingerprint = compiled.fingerprint
         for note in compiled.notes:
             self._note(note)
@@ -321,7 +331,14 @@ class _Session:
             "device_reason": job.device.reason,
             "version": __version__,
             "time": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "build": job.build,
             "build_seconds": self.build_seconds,
+            "geometry_bytes": self.stats["geometry_bytes"],
+            "bvh_bytes": self.stats["bvh_bytes"],
+            "triangle_bytes": per_triangle(
+                self.stats["triangles"], self.stats["geometry_bytes"], self.stats["bvh_bytes"]
+            ),
+            **peaks(),
             "seconds": loop.seconds,
             "total_seconds": film.seconds,
             "rays": film.rays,

@@ -190,20 +190,32 @@ class Scene:
         save_file(self, Path(path))
 
     def compile(
-        self, *, allow_missing: bool | None = None, base_dir: str | PathLike[str] | None = None
+        self,
+        *,
+        allow_missing: bool | None = None,
+        base_dir: str | PathLike[str] | None = None,
+        build: str = "balanced",
+        device: str = "cpu",
+        threads: int = 0,
     ) -> CompiledScene:
         """Makes the core's scene: arrays checked, files read, trees built.
 
         Args:
             allow_missing: replace missing image files by a visible stand-in; None: as the scene says.
             base_dir: where relative paths start; None: as the scene says.
+            build: quality of the trees: `fast` for geometry that changes all the time, `balanced`, or `high` for long
+                renders. It decides how fast rays are, not what they hit.
+            device: the one that will render (`cpu`, `cuda:0`...): a CUDA device builds the trees of large scenes, too.
+            threads: of the CPU that build; 0: one a core.
 
         Raises:
-            SceneError: for a wrong value; MissingFileError with all missing files.
+            InputError: an unknown quality. SceneError: for a wrong value; MissingFileError with all missing files.
         """
-        from destello.compile import compile_scene
+        from destello.compile import TreeOptions, compile_scene
 
-        return compile_scene(self, allow_missing=allow_missing, base_dir=None if base_dir is None else Path(base_dir))
+        start = None if base_dir is None else Path(base_dir)
+        tree = TreeOptions(build, device, threads)
+        return compile_scene(self, allow_missing=allow_missing, base_dir=start, tree=tree)
 
     def copy(self) -> Scene:
         """A copy to be changed without changing the original; nodes, which never change, are shared."""

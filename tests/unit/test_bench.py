@@ -63,6 +63,12 @@ def test_measure_gives_all_figures(monkeypatch):
     assert found["triangles"] == 2000
     assert found["bvh_bytes"] > 0
     assert found["rays_per_sample"] >= 1
+    assert 36 < sum(found["triangle_bytes"].values()) < 200
+    assert found["paths"] % 32 == 0
+    assert found["path_bytes"] > 100
+    assert found["path_device_bytes"] == found["peak_device_bytes"] == 0
+    assert found["peak_host_bytes"] > 1 << 20
+    assert found["build"] == "balanced"
     for name in ("build_seconds", "build_Mtris_s", "Msamples_s", "kernel_Msamples_s", "kernel_Mrays_s"):
         assert 0 < found[name] < math.inf
     assert found["seeds"] == [1, 2]
@@ -98,8 +104,9 @@ def test_table_on_standard_output_progress_on_standard_error():
     assert done.exit_code == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].split()[:3] == ["scene", "size", "triangles"]
-    assert [line.split()[:3] for line in lines[1:]] == [["mesh1m", "12x8", "2000"], ["book1", "12x8", "0"]]
-    assert all("spp to MSE" in line for line in lines[1:])
+    assert [line.split()[:3] for line in lines[1:-1]] == [["mesh1m", "12x8", "2000"], ["book1", "12x8", "0"]]
+    assert all("spp to MSE" in line for line in lines[1:-1])
+    assert lines[-1].startswith("paths: ")
     assert done.stderr.startswith("device: cpu")
     assert "[2/2] book1: making the scene" in done.stderr
     assert list(Path().iterdir()) == []
@@ -169,6 +176,7 @@ def test_what_was_measured_before_an_interruption_is_kept(monkeypatch):
         (["book1", "--size", "0x4"], ["0"]),
         (["book1", "--spp", "0"], ["--spp", "0", "from 1 to"]),
         (["book1", "--seeds", "-1"], ["--seeds", "-1", "from 0 to"]),
+        (["book1", "--build", "best"], ["build", "'best'", "balanced"]),
         (["book1", "--threads", "-2"], ["--threads", "-2", "from 0 to"]),
         (["book1", "--json", "no/such/a.json"], ["no/such/a.json", "cannot be written"]),
         (["book1", "--quik"], ["--quik"]),

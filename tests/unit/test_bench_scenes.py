@@ -28,7 +28,7 @@ def common(shared):
 
 
 def test_they_are_apart_from_the_books_scenes():
-    assert NAMES == ["mesh1m", "instances", "terrain", "interior"]
+    assert NAMES == ["mesh1m", "instances", "instances-100", "terrain", "interior"]
     assert not set(NAMES) & set(dl.scenes.names())
     assert all(line.endswith(".") and len(line) < 100 for line in dl.scenes.describe_benchmarks().values())
     with pytest.raises(dl.InputError, match="did you mean 'terrain'"):
@@ -116,11 +116,16 @@ def common_core(found):
 
 @pytest.mark.parametrize(
     ("name", "detail", "arguments"),
-    [("mesh1m", (6 / 224) ** 2, {"f": 6}), ("instances", 0.01, {"n": 10, "f": 3}), ("interior", 1.0, {})],
+    [
+        ("mesh1m", (6 / 224) ** 2, {"f": 6}),
+        ("instances", 0.01, {"n": 10, "f": 3}),
+        ("instances-100", 0.01, {"n": 10, "f": 3}),
+        ("interior", 1.0, {}),
+    ],
 )
 def test_geometry_is_the_common_one(common, rng, name, detail, arguments):
     """The camera's rays and random ones hit the same surfaces at the same distances."""
-    theirs = common.scene(name, **arguments)
+    theirs = common.scene(name.removesuffix("-100"), **arguments)
     ours = dl.scenes.build(name, detail)
     core = ours.compile().core
     view = theirs["camera"]

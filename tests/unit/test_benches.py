@@ -17,6 +17,8 @@ BENCHES = Path(__file__).resolve().parents[2] / "benches"
 
 
 def script(name):
+    if str(BENCHES) not in sys.path:
+        sys.path.append(str(BENCHES))  # they import one another
     spec = importlib.util.spec_from_file_location(f"benches_{name}", BENCHES / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -115,7 +117,7 @@ def test_build_reports_sizes(files):
     assert mesh["geometry_bytes_per_triangle"] > 36
     assert spheres["bvh_bytes_per_triangle"] is None
     assert mesh["device"] == "CPU"
-    assert "mesh1m:0.002: 2000 triangles" in done.stderr
+    assert "mesh1m:0.002, balanced: 2000 triangles" in done.stderr
     (path,) = files(done.stdout)
     assert run("compare", path, path).returncode == 0
 
@@ -137,7 +139,7 @@ def test_rays_of_every_kind():
     assert found["primary"]["count"] == 16 * 9
     assert found["primary"]["hit"] == found["bounce"]["hit"] == found["shuffled"]["hit"] == 1  # the room is closed
     assert 0 < found["ao"]["hit"] < 1
-    assert all(entry["Mrays_s"] > 0 and entry["binding_ns"] > 0 and entry["threads"] == 1 for entry in found.values())
+    assert all(entry["Mrays_s"] > 0 and entry["seconds"] > 0 and entry["spp"] == 1 for entry in found.values())
 
 
 def test_camera_rays_are_the_cameras():
@@ -155,6 +157,42 @@ def test_camera_rays_are_the_cameras():
     assert np.median(np.abs(hits["t"].reshape(36, 64)[both] / depth[both] - 1)) < 0.05
 
 
+# --- plots ------------------------------------------------------------------------------------------------------------
+
+
+def points(figure, **shared):
+    return [
+        {"scene": "a", "device": "X", "device_name": "cpu", "triangles": n, figure: n / 7, **shared} for n in (9, 4)
+    ]
+
+
+def test_curves_go_from_few_triangles_to_many():
+    plot = script("plot")
+    entries = [*points("Mrays_s", kind="ao"), *points("Mrays_s", kind="primary"), {"kind": "ao", "triangles": 0}]
+    found = plot.curves(entries, "Mrays_s", "kind")
+    assert found == {("ao",): [(4, 4 / 7), (9, 9 / 7)], ("primary",): [(4, 4 / 7), (9, 9 / 7)]}
+    again = {**entries[0], "Mrays_s": 5.0}
+    assert plot.curves([*entries, again], "Mrays_s", "kind")["ao",] == [(4, 4 / 7), (9, 5.0)]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_plot_for_each_device_and_one_of_builds(files, tmp_path):
+    pytest.importorskip("matplotlib")
+    shared = {"cpu": "Some CPU", "cores": 2, "threads": 0}
+    rays = [*points("Mrays_s", kind="ao", method="simd", **shared)]
+    rays += [{**entry, "device": "H100", "device_name": "cuda:0", "method": "cuda:0"} for entry in rays]
+    builds = points("build_seconds", kind="build", build="fast", **shared)
+    paths = files([{**entry, "detail": i} for i, entry in enumerate(rays + builds)])
+    done = run("plot", *paths, "-o", tmp_path / "plots")
+    assert done.returncode == 0, done.stderr
+    names = ["build.svg", "rays-cpu.svg", "rays-cuda.svg"]
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == names
+    assert "Some CPU, 2 threads, fast" in (tmp_path / "plots" / "build.svg").read_text()
+    before = [(tmp_path / "plots" / name).read_bytes() for name in names]
+    run("plot", *paths, "-o", tmp_path / "plots")
+    assert before == [(tmp_path / "plots" / name).read_bytes() for name in names]
+
+
 # --- peers ------------------------------------------------------------------------------------------------------------
 
 
@@ -169,22 +207,81 @@ def test_peers_that_are_missing_are_named_and_left_out(monkeypatch, capsys):
     assert run("peers", "mesh1").returncode == 2
 
 
-@pytest.mark.parametrize("peer", ["destello", "destello rays"])
-def test_a_peer_measures_in_a_process_of_its_own(peer):
-    done = run("peers", "--child", peer, "--size", "8x6", "--spp", 2, "--repeat", 1, "interior:0.01")
+@pytest.mark.parametrize("peer", ["destello", "destello rays", "destello rays, 1 thread"])
+def test_a_peer_measures_in_a_process_of_its_own(peer, tmp_path):
+    options = ["--spp", 2, "--repeat", 1, "--rays", tmp_path, "--pictures", tmp_path / "pictures"]
+    done = run("peers", "--child", peer, *options, "interior:0.01:8x6")
     assert done.returncode == 0, done.stderr
     found = lines(done.stdout)
     assert {entry["peer"] for entry in found} == {peer}
     assert all(entry.get("Msamples_s", entry.get("Mrays_s")) > 0 for entry in found)
-    peers = script("peers")
     other = [{**entry, "peer": "other"} for entry in found]
-    assert all("1.00 times" in line for line in list(peers.ratios(found + other))[len(found) :])
+    assert all("1.00 times" in line for line in list(script("compare").peer_ratios(found + other))[len(found) :])
+    if peer == "destello":
+        assert found[0]["size"] == [8, 6]
+        assert found[0]["peak_host_bytes"] > 1 << 20
+        assert [p.name for p in (tmp_path / "pictures").iterdir()] == ["interior-destello.png"]
+    else:
+        assert [entry["kind"] for entry in found] == ["primary", "ao", "bounce", "shuffled", "random"]
+        again = run("peers", "--child", peer, *options, "interior:0.01:8x6")  # with the rays that were kept
+        assert [entry["hit"] for entry in lines(again.stdout)] == [entry["hit"] for entry in found]
 
 
-def test_ratios_say_when_rays_hit_something_else():
+def test_one_run_of_peers_is_compared_with_itself(files):
     ours = {"scene": "a", "detail": 1.0, "kind": "ao", "peer": "destello rays", "Mrays_s": 2.0, "hit": 0.5}
-    (_, line) = script("peers").ratios([ours, {**ours, "peer": "embreex", "hit": 0.6, "Mrays_s": 1.0}])
-    assert "destello: 2.00 times that, BUT 60.0% of the rays hit instead of 50.0%" in line
+    theirs = {**ours, "peer": "embreex", "hit": 0.6, "Mrays_s": 1.0}
+    mine = {"scene": "a", "detail": 0.5, "kind": "render", "peer": "destello", "Msamples_s": 6.0, "mean": [1.0] * 3}
+    other = {**mine, "peer": "cycles", "Msamples_s": 2.0, "mean": [1.0, 1.0, 1.1], "relative_mse": 0.2}
+    (run_of_peers,) = files([ours, theirs, {**mine, "relative_mse": 0.1}, other])
+    done = run("compare", run_of_peers)
+    assert done.returncode == 0
+    _, rays, _, renders = done.stdout.splitlines()
+    assert "destello: 2.00 times that, BUT 60.0% of the rays hit instead of 50.0%" in rays
+    assert "destello: 3.00 times that, 6.00 for the same noise, BUT the picture's mean is" in renders
+    (nobody,) = files([ENTRY])
+    assert run("compare", nobody).returncode == 2
+
+
+def test_noise_is_the_relative_mean_squared_error_of_one_run(rng):
+    render = script("peers_render")
+    pictures = [2 + rng.normal(size=(64, 64, 1)).repeat(3, axis=2) * 0.2 for _ in range(4)]
+    assert render.noise(pictures) == pytest.approx(0.01, rel=0.1)
+    assert render.noise(pictures[:1]) is None
+
+
+def test_all_peers_get_ggx_for_the_books_metal():
+    scene = script("peers_render").prepared(dl.scenes.build("book1"))
+    assert not any(material.type == "fuzzy_metal" for material in scene.materials())
+    fuzz = {m["roughness"] ** 2 for m in scene.materials() if m.type == "conductor"}
+    assert len(fuzz) > 10
+    assert scene.film.filter.type == "box"
+
+
+@pytest.mark.parametrize("name", ["book1", "interior", "instances", "terrain"])
+def test_what_cycles_reads(name, tmp_path):
+    """Arrays and indices belong together, and the camera looks at what it should."""
+    module = script("cycles_scene")
+    scene = script("peers_render").prepared(dl.scenes.build(name, 0.002))
+    module.export(scene, tmp_path, (16, 9), 8)
+    found = json.loads((tmp_path / "scene.json").read_text())
+    assert found["size"] == [16, 9]
+    assert found["max_depth"] == 8
+    assert np.load(tmp_path / "places.npy").shape == (len(found["objects"]), 4, 4)
+    for number in range(len(found["meshes"])):
+        points = np.load(tmp_path / f"{number}-positions.npy")
+        assert np.load(tmp_path / f"{number}-indices.npy").max() == len(points) - 1
+    assert {entry["material"] for entry in found["objects"]} == set(range(len(found["materials"])))
+    view = np.array(found["camera"]["matrix"])
+    assert np.allclose(view[:3, :3] @ view[:3, :3].T, np.eye(3))
+    towards = np.subtract(scene.camera["target"], scene.camera["origin"])
+    assert np.allclose(-view[:3, 2], towards / np.linalg.norm(towards))
+
+
+def test_the_grounds_cap_is_part_of_a_sphere_and_faces_outwards():
+    points, faces = script("cycles_scene").cap()
+    assert np.allclose(np.linalg.norm(points, axis=1), 1)
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0).all()
 
 
 def test_what_mitsuba_has_not_is_refused_by_name(tmp_path):

@@ -37,7 +37,7 @@ def test_no_boxes_make_a_root_without_children(device):
     nodes, order = parts(tree)
     assert len(nodes) == 1
     assert len(order) == 0
-    assert not nodes["meta"].any()
+    assert not nodes["used"].any()
 
 
 @pytest.mark.parametrize("make", MESHES, ids=lambda f: f.__name__)

@@ -232,3 +232,12 @@ def test_memory_estimate_is_near_what_the_core_says() -> None:
     stats = scene.compile().stats
     needed = stats["geometry_bytes"] + stats["bvh_bytes"]
     assert 0.75 * needed < scene.info()["memory"] < 1.33 * needed
+
+
+@pytest.mark.parametrize("name", ["mesh1m", "terrain", "interior"])
+def test_bytes_a_triangle_are_what_the_core_says(name) -> None:
+    scene = dl.scenes.build(name, 0.05)
+    stats, found = scene.compile().stats, scene.info()["triangle_bytes"]
+    assert found["geometry"] == pytest.approx(stats["geometry_bytes"] / stats["triangles"], rel=0.05)
+    assert found["tree"] == pytest.approx(stats["bvh_bytes"] / stats["triangles"], rel=0.4)
+    assert dl.scenes.build("book1").info()["triangle_bytes"] is None

@@ -43,7 +43,7 @@ QUICK_SCALE = 20
 QUICK_DETAIL = 0.05
 QUICK_ERROR = 4  # times the error, with an eighth of the reference's samples
 
-_COLUMNS = f"{'triangles':>10} {'build Mtris/s':>14} {'Msamples/s':>11} {'Mrays/s':>9}"
+_COLUMNS = f"{'triangles':>10} {'build Mtris/s':>14} {'bytes/tri':>10} {'Msamples/s':>11} {'Mrays/s':>9} {'peak':>10}"
 _HEAD = f"{'scene':<16}{'size':>10} {_COLUMNS}  seconds to error"
 
 
@@ -52,6 +52,7 @@ def bench(
     quick: Quick = False,
     device: o.Device = "auto",
     threads: o.Threads = 0,
+    build: o.Build = "balanced",
     size: o.Size = None,
     spp: Spp = None,
     seeds: Seeds = None,
@@ -60,8 +61,10 @@ def bench(
 ) -> None:
     """Measure how fast this machine builds and renders built-in scenes."""
     from destello import device as devices
+    from destello.compile import check_quality
 
     names = tuple(dict.fromkeys(scene or SCENES))
+    check_quality(build)
     _check(names, threads, spp, seeds)
     wanted = o.read_size(size)
     chosen = devices.choose(device)
@@ -69,7 +72,7 @@ def bench(
         from destello.image_file import check_writable
 
         check_writable(str(json_file))
-    run = _Bench(names, quick, chosen, threads, wanted, spp, seeds, json_file, quiet)
+    run = _Bench(names, quick, chosen, threads, build, wanted, spp, seeds, json_file, quiet)
     try:
         run.all()
     except KeyboardInterrupt:
@@ -100,6 +103,7 @@ class _Bench:
     quick: bool
     device: Device
     threads: int
+    build: str
     size: tuple[int, int] | None
     spp: int | None
     seeds: int | None
@@ -123,6 +127,8 @@ class _Bench:
                 if table:
                     print(_row(result), flush=True)
                     self._keep(figures)
+            if table:
+                print(_paths(figures["results"][-1]))
         finally:
             if not table:
                 print(json.dumps(figures, indent=2))
@@ -161,6 +167,7 @@ class _Bench:
         return Effort(
             device=self.device,
             threads=self.threads,
+            build=self.build,
             size=self.size or (max(1, round(width / scale)), max(1, round(height / scale))),
             spp=self.spp or (32 if self.quick else 16 if cpu else 64),
             repeat=3 if self.quick else 5,
@@ -171,12 +178,27 @@ class _Bench:
 
 
 def _row(result: dict[str, Any]) -> str:
-    """A line of the table."""
+    """A line of the table. The peak is the device's, on the CPU the process's."""
+    from destello.memory import words
+
     triangles = result["triangles"]
     build = f"{result['build_Mtris_s']:.3g}" if triangles >= 1000 else "-"
     size = "x".join(map(str, result["size"]))
-    rates = f"{result['kernel_Msamples_s']:>11.4g} {result['kernel_Mrays_s']:>9.4g}"
-    return f"{result['scene']:<16}{size:>10} {triangles:>10} {build:>14} {rates}  {_error_words(result)}"
+    each = f"{sum(result['triangle_bytes'].values()):.1f}" if triangles >= 1000 else "-"
+    peak = words(result["peak_device_bytes"] or result["peak_host_bytes"] or 0)
+    rates = f"{result['kernel_Msamples_s']:>11.4g} {result['kernel_Mrays_s']:>9.4g} {peak:>10}"
+    return f"{result['scene']:<16}{size:>10} {triangles:>10} {build:>14} {each:>10} {rates}  {_error_words(result)}"
+
+
+def _paths(result: dict[str, Any]) -> str:
+    """What the paths under way take."""
+    from destello.memory import words
+
+    if not result["path_bytes"]:
+        return "paths: in registers and on the stack"
+    whole = words(result["paths"] * result["path_bytes"])
+    where = words(result["path_device_bytes"])
+    return f"paths: {result['path_bytes']} bytes each, {result['paths']} at once: {whole}, {where} in device memory"
 
 
 def _error_words(result: dict[str, Any]) -> str:

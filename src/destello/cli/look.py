@@ -8,6 +8,9 @@ from typing import Annotated, Any
 from typer import Option
 
 from destello.cli import options as o
+from destello.memory import words
+
+_LABELS = {"triangle_bytes": ""}
 
 AsJson = Annotated[bool, Option("--json", help="As JSON.")]
 
@@ -22,7 +25,7 @@ def info(scene: o.SceneName, json_: AsJson = False, allow_external: o.AllowExter
         return
     for key, value in found.items():
         if key not in ("notes", "missing") and value not in (None, {}, []):
-            print(f"{key:<13}{_readable(key, value)}")
+            print(f"{_LABELS.get(key, key):<13}{_readable(key, value)}")
     for path in found["missing"]:
         print(f"missing      {path}")
     for note in found["notes"]:
@@ -34,7 +37,9 @@ def _readable(key: str, value: Any) -> str:
     if key == "size":
         return f"{value[0]}x{value[1]}"
     if key == "memory":
-        return _bytes(value)
+        return words(value)
+    if key == "triangle_bytes":
+        return f"{sum(value.values()):.1f} bytes a triangle (geometry {value['geometry']}, tree about {value['tree']})"
     if key == "bounds":
         low, high = (" ".join(f"{x:.6g}" for x in corner) for corner in value)
         return f"({low}) to ({high}) m"
@@ -43,14 +48,6 @@ def _readable(key: str, value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name}: {entry}" for name, entry in value.items())
     return str(value)
-
-
-def _bytes(count: float) -> str:
-    for unit in ("bytes", "KiB", "MiB"):
-        if count < 1024:
-            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
-        count /= 1024
-    return f"{count:.1f} GiB"
 
 
 def devices(json_: AsJson = False) -> None:
@@ -65,7 +62,7 @@ def devices(json_: AsJson = False) -> None:
         return
     for entry in found:
         detail = f", {entry['detail']}" if entry.get("detail") else ""
-        memory = f", {_bytes(entry['memory'])}" if entry.get("memory") else ""
+        memory = f", {words(entry['memory'])}" if entry.get("memory") else ""
         print(f"{entry['name']:<8}{entry['label']}{memory}{detail}")
     print(f"auto is {chosen.name}: {chosen.reason}")
 

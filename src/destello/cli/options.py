@@ -76,6 +76,14 @@ Resume = Annotated[
 
 Device = Annotated[str, Option(metavar="NAME", help="auto, cpu, cuda, cuda:1 ...", rich_help_panel=_HOW)]
 Threads = Annotated[int, Option(metavar="N", help="CPU threads; 0: one a core.", rich_help_panel=_HOW)]
+Build = Annotated[
+    str,
+    Option(
+        metavar="NAME",
+        help="The trees: fast to build, balanced, or high quality for long renders.",
+        rich_help_panel=_HOW,
+    ),
+]
 Seed = Annotated[int | None, Option(metavar="N", help="Chooses the random numbers.", rich_help_panel=_HOW)]
 MaxDepth = Annotated[int | None, Option(metavar="N", help="Scatterings of a path at most.", rich_help_panel=_HOW)]
 Filter = Annotated[

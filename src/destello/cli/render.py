@@ -36,6 +36,7 @@ def render(
     resume: o.Resume = False,
     device: o.Device = "auto",
     threads: o.Threads = 0,
+    build: o.Build = "balanced",
     seed: o.Seed = None,
     max_depth: o.MaxDepth = None,
     filter: o.Filter = None,  # noqa: A002
@@ -59,7 +60,7 @@ def render(
     arguments = {
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,
-        "seed": seed, "max_depth": max_depth, "filter": o.read_filter(filter), "denoise": denoise,
+        "build": build, "seed": seed, "max_depth": max_depth, "filter": o.read_filter(filter), "denoise": denoise,
         "aov": _layers(aov), "allow_missing": allow_missing, "allow_external": allow_external,
     }  # fmt: skip
     look = _Look(exposure, tone, curve)
@@ -274,7 +275,7 @@ class _Command:
         if done_with is not None:
             done_with.unlink(missing_ok=True)
         figures.append({"output": written.name, **image.metadata})
-        for line in _closing(figures[-1]):
+        for line in (*([] if frame is not None else [_memory(figures[-1])]), *_closing(figures[-1])):
             self.say(line)
         if code == INTERRUPTED:
             kept = image.metadata["film"]
@@ -305,6 +306,20 @@ class _Command:
 
             with replacing(Path(self.json_file)) as aside:
                 aside.write_text(text + "\n", encoding="utf-8")
+
+
+def _memory(figures: dict[str, Any]) -> str:
+    """What the scene and the render took."""
+    from destello.memory import words
+
+    scene = words(figures["geometry_bytes"] + figures["bvh_bytes"])
+    each = figures["triangle_bytes"]
+    parts = [f"geometry and trees {scene}" + (f" ({sum(each.values()):.0f} bytes a triangle)" if each else "")]
+    if figures["peak_device_bytes"]:
+        parts.append(f"at most {words(figures['peak_device_bytes'])} on the device")
+    if figures["peak_host_bytes"]:
+        parts.append(f"at most {words(figures['peak_host_bytes'])} of main memory")
+    return "memory: " + ", ".join(parts)
 
 
 def _closing(figures: dict[str, Any]) -> Iterator[str]:

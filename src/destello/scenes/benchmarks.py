@@ -70,18 +70,28 @@ def mesh1m(detail: float = 1.0) -> Scene:
 @benchmark("instances", "Ten thousand instances of a rock of 20,480 triangles on a plane, under a gradient sky.")
 def instances(detail: float = 1.0) -> Scene:
     """100 by 100 instances. With detail, both the rock's triangles and the number of instances become fewer."""
+    return _instances("instances", scaled(100, detail), detail)
+
+
+@benchmark("instances-100", "A hundred of the same instances, for renderers that cannot do more.")
+def instances_100(detail: float = 1.0) -> Scene:
+    """10 by 10 instances, in the middle of the picture. With detail, the rock's triangles become fewer."""
+    return _instances("instances-100", 10, detail)
+
+
+def _instances(name: str, side: int, detail: float) -> Scene:
     import destello as dl
     from destello.scenes.meshes import rock
 
     camera = dl.cameras.perspective(origin=(0, 14, 62), target=(0, -4, 0), vfov=45)
-    made = bench_scene("instances", camera)
+    made = bench_scene(name, camera)
     made.environment = dl.environments.gradient(bottom=(1, 1, 1), top=(0.5, 0.7, 1.0))
     clay = dl.materials.diffuse(reflectance=(0.75, 0.55, 0.35), name="clay")
     ground = dl.materials.diffuse(reflectance=0.5, name="ground")
     made.add(dl.shapes.quad((-300, 0, 300), (600, 0, 0), (0, 0, -600), material=ground, name="ground"))
     shape = rock(scaled(32, detail), 11, height=0.5, scale=1.6, octaves=6)
     made.group("rock", [mesh(shape, clay, "rock")])
-    for place in _places(scaled(100, detail)):
+    for place in _places(side):
         made.add(dl.shapes.instance("rock", transform=dl.matrix(place)))
     return made
 
