@@ -52,8 +52,8 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
-// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
-// host's.
+// On the GPU if there is to be one and the tree is large: smaller ones take the host a few milliseconds at most. The best trees
+// are the host's.
 static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                            std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
 #ifdef DST_HAS_CUDA
