@@ -19,6 +19,7 @@ NB_MODULE(_core, m) {
   nb::module_ testing =
       m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");
   destello::register_testing_bsdf(testing);
+  destello::register_testing_build(testing);
   destello::register_testing_light(testing);
   destello::register_testing_texture(testing);
   destello::register_testing_trace(testing);

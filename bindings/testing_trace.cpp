@@ -2,6 +2,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -39,6 +40,17 @@ std::vector<Ray> to_rays(const Rows& origins, const Rows& directions, const Numb
   return rays;
 }
 
+// A node's child: a node, or the primitives of a leaf.
+struct Child {
+  uint32_t index;  // node, or first primitive
+  uint32_t count;  // 0: node; else primitives
+};
+Child child_of(const Node8& node, uint32_t slot) {
+  if (node.is_inner(slot))
+    return {node.first_child + static_cast<uint32_t>(count_bits(node.inner_mask & ((1u << slot) - 1))), 0};
+  return {node.leaf_begin(slot), node.leaf_count(slot)};
+}
+
 // The leaves below a node, found by following every child.
 std::vector<uint32_t> leaves_below(const GeometryView& g, uint32_t root) {
   std::vector<uint32_t> leaves, todo{root};
@@ -47,7 +59,7 @@ std::vector<uint32_t> leaves_below(const GeometryView& g, uint32_t root) {
     todo.pop_back();
     for (uint32_t s = 0; s < 8; ++s) {
       if (!node.is_used(s)) continue;
-      const HostEntry e = host_child(node, s, 0.0f);
+      const Child e = child_of(node, s);
       if (e.count == 0) todo.push_back(e.index);
       for (uint32_t k = 0; k < e.count; ++k) leaves.push_back(e.index + k);
     }
@@ -210,33 +222,53 @@ nb::object offset_origins(const Rows& p, const Rows& error, const Rows& n, const
   return out.array();
 }
 
-// Nodes and primitives that traverse_host looks at for each ray, in a world without instances.
+// Where the ray enters the box of a node's child before t_max; infinite: nowhere.
+float box_distance(const Node8& node, uint32_t slot, const Ray& ray, float t_max) {
+  if (!node.is_used(slot)) return kInfinity;
+  const Vec3 reciprocal = safe_reciprocal(ray.direction);
+  float near = 0, far = kInfinity;
+  for (int k = 0; k < 3; ++k) {
+    const float step = std::ldexp(1.0f, node.exponent[k] - 127), from = node.origin[k] - ray.origin[k];
+    const float a = (from + step * static_cast<float>(node.lo[k][slot])) * reciprocal[k];
+    const float b = (from + step * static_cast<float>(node.hi[k][slot])) * reciprocal[k];
+    near = std::max(near, std::min(a, b));
+    far = std::min(far, std::max(a, b));
+  }
+  return near <= std::min(far * kRobustFar, t_max) ? near : kInfinity;
+}
+
+// Nodes and primitives that a traversal of children by distance looks at for each ray, in a world without instances.
 nb::dict count_visits(const Scene& scene, const Rows& origins, const Rows& directions, const Numbers& t_max,
                       const Numbers& time) {
+  struct Entry {
+    Child child;
+    float near;
+  };
   const GeometryView& g = scene.view().geometry;
   if (g.has_instances) throw std::invalid_argument("count_visits: expected a scene without instances");
   const std::vector<Ray> rays = to_rays(origins, directions, t_max, time);
   Output<int32_t> nodes(rays.size()), primitives(rays.size());
   for (size_t i = 0; i < rays.size(); ++i) {
     const LocalRay local = LocalRay::make(rays[i].origin, rays[i].direction, rays[i].time);
-    const HostNodeTest test = HostNodeTest::make(rays[i].origin, rays[i].direction);
-    HostEntry stack[kTraversalStack * 8];
-    int top = 0;
-    stack[top++] = {0, 0, 0.0f};
+    std::vector<Entry> stack{{{0, 0}, 0.0f}};
     Hit hit;
     hit.t = rays[i].t_max;
-    while (top > 0) {
-      const HostEntry e = stack[--top];
-      if (e.near > hit.t) continue;
-      for (uint32_t k = 0; k < e.count; ++k) intersect_primitive(g, g.leaves[e.index + k], e.index + k, local, &hit);
-      primitives.data[i] += static_cast<int32_t>(e.count);
-      if (e.count != 0) continue;
+    while (!stack.empty()) {
+      const auto [child, distance] = stack.back();
+      stack.pop_back();
+      if (distance > hit.t) continue;
+      for (uint32_t k = child.index; k < child.index + child.count; ++k)
+        intersect_primitive(g, g.leaves[k], k, local, &hit);
+      primitives.data[i] += static_cast<int32_t>(child.count);
+      if (child.count != 0) continue;
       ++nodes.data[i];
-      float near[8];
-      const uint32_t mask = test.hits(g.nodes[e.index], hit.t, near);
-      if (mask == 0) continue;
-      const HostEntry nearest = nearest_child<false>(g.nodes[e.index], mask, near, stack, &top);
-      stack[top++] = nearest;
+      const size_t first = stack.size();
+      for (uint32_t s = 0; s < 8; ++s) {
+        const float near = box_distance(g.nodes[child.index], s, rays[i], hit.t);
+        if (near < kInfinity) stack.push_back({child_of(g.nodes[child.index], s), near});
+      }
+      std::sort(stack.begin() + static_cast<ptrdiff_t>(first), stack.end(),
+                [](const Entry& a, const Entry& b) { return a.near > b.near; });
     }
   }
   nb::dict d;
@@ -272,7 +304,7 @@ nb::dict tree(const Scene& scene) {
     const uint32_t s = i % 8;
     index.data[i] = count.data[i] = -1;
     if (!node.is_used(s)) continue;
-    const HostEntry e = host_child(node, s, 0.0f);
+    const Child e = child_of(node, s);
     index.data[i] = static_cast<int32_t>(e.index), count.data[i] = static_cast<int32_t>(e.count);
     for (int k = 0; k < 3; ++k) {
       const double step = std::ldexp(1.0, node.exponent[k] - 127), origin = static_cast<double>(node.origin[k]);

@@ -26,6 +26,13 @@ struct alignas(16) Node8 {
   DST_HD bool is_used(uint32_t slot) const { return used >> slot & 1; }
   DST_HD bool is_inner(uint32_t slot) const { return inner_mask >> slot & 1; }
   DST_HD uint32_t leaf_bits(uint32_t slot) const { return children >> (3 * slot) & 7; }
+  // Of a leaf child.
+  DST_HD uint32_t leaf_begin(uint32_t slot) const {
+    return first_leaf + static_cast<uint32_t>(count_bits(children & ((1u << (3 * slot)) - 1)));
+  }
+  DST_HD uint32_t leaf_count(uint32_t slot) const { return static_cast<uint32_t>(count_bits(leaf_bits(slot))); }
+  // Of all leaf children.
+  DST_HD uint32_t leaf_count() const { return static_cast<uint32_t>(count_bits(children & 0x00ffffffu)); }
 };
 static_assert(sizeof(Node8) == 80);
 

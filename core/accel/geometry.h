@@ -50,6 +50,8 @@ struct Instance {
 
 struct Node8;
 struct SphereBlock;
+struct HostUnit;
+struct HostTarget;
 
 inline constexpr uint32_t kSphereBlock = 8;
 
@@ -81,6 +83,9 @@ struct GeometryView {
   uint32_t only_blocks = 0;  // 1: every leaf primitive is in a block
   const SphereBlock* blocks = nullptr;
   const uint32_t* blocks_of_node = nullptr;  // position of the first << 2 | number of them (0-3); null: no blocks
+  // Host only: see host_tree.h.
+  const HostUnit* host = nullptr;
+  const HostTarget* host_targets = nullptr;  // of each node
 };
 
 // The vertices of a (moving) triangle at a time.

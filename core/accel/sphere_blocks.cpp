@@ -7,9 +7,6 @@ namespace destello {
 
 namespace {
 
-// How many leaf primitives follow node.first_leaf.
-uint32_t leaf_count(const Node8& node) { return static_cast<uint32_t>(count_bits(node.children & kLeafBits)); }
-
 SphereBlock make_block(const LeafPrimitive* spheres, uint32_t first, uint32_t count) {
   SphereBlock b;
   b.first = first;
@@ -33,7 +30,7 @@ bool build_sphere_blocks(const std::vector<Node8>& nodes, const std::vector<Leaf
   blocks->clear();
   blocks_of_node->assign(nodes.size(), 0);
   for (size_t i = 0; i < nodes.size(); ++i) {
-    const uint32_t n = leaf_count(nodes[i]);
+    const uint32_t n = nodes[i].leaf_count();
     if (n == 0) continue;
     const LeafPrimitive* first = leaves.data() + nodes[i].first_leaf;
     if (!std::all_of(first, first + n, [](const LeafPrimitive& p) { return p.kind() == PrimitiveKind::Sphere; })) {

@@ -10,6 +10,10 @@ inline constexpr uint32_t kPacket = 8;
 
 #if defined(__AVX2__)
 
+inline __m256 load_bytes(const uint8_t* p) {
+  return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p))));
+}
+
 class PacketTraversal {
  public:
   // rays[0..n), 1 <= n <= 8. Tests at once what is in `g`'s only-blocks tree.

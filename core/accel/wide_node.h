@@ -107,50 +107,65 @@ DST_FN int ceil_log2(float x) {
   return (bits >> 23) - 127 + ((bits & 0x7fffff) != 0 ? 1 : 0);
 }
 
-// Sets the grid on which a node over `bounds` stores its children.
-DST_FN void set_grid(const Bounds& bounds, Node8* node) {
+// The grid on which a node over `bounds` stores its children's boxes.
+struct NodeGrid {
   float origin[3];
-  for (int k = 0; k < 3; ++k) {
-    // Boxes occupy 1..254 of the grid; a flat node gets a quantum that its coordinates can resolve.
-    const float magnitude = max(fabsf(bounds.lo[k]), fabsf(bounds.hi[k]));
-    const float wanted = max(max((bounds.hi[k] - bounds.lo[k]) / 252.0f, magnitude * 0x1p-21f), 0x1p-100f);
-    const int biased = min(ceil_log2(wanted) + 127, 253);
-    origin[k] = bounds.lo[k] - bits_to_float(static_cast<uint32_t>(biased) << 23);
-    node->exponent[k] = static_cast<uint8_t>(biased);
-  }
-  node->origin = {origin[0], origin[1], origin[2]};
-}
+  uint32_t exponent[3];  // biased, as Node8 has them
 
-// Writes the box of child `slot` on the grid, rounded outwards with the slack that Node8 promises.
-DST_FN void set_child_box(const Bounds& box, uint32_t slot, Node8* node) {
-  constexpr float kSlack = 1.0f / 64;
-  for (int k = 0; k < 3; ++k) {
-    const float per_step = bits_to_float((254u - node->exponent[k]) << 23);
-    const float lo = floorf((box.lo[k] - node->origin[k]) * per_step - kSlack);
-    const float hi = ceilf((box.hi[k] - node->origin[k]) * per_step + kSlack);
-    node->lo[k][slot] = static_cast<uint8_t>(clamp(lo, 0.0f, 255.0f));
-    node->hi[k][slot] = static_cast<uint8_t>(clamp(hi, 0.0f, 255.0f));
+  DST_HD explicit NodeGrid(const Bounds& bounds) {
+    for (int k = 0; k < 3; ++k) {
+      // Boxes occupy 1..254 of the grid; a flat node gets a quantum that its coordinates can resolve.
+      const float magnitude = max(fabsf(bounds.lo[k]), fabsf(bounds.hi[k]));
+      const float wanted = max(max((bounds.hi[k] - bounds.lo[k]) / 252.0f, magnitude * 0x1p-21f), 0x1p-100f);
+      exponent[k] = static_cast<uint32_t>(min(ceil_log2(wanted) + 127, 253));
+      origin[k] = bounds.lo[k] - bits_to_float(exponent[k] << 23);
+    }
   }
+  // The grid's planes on either side of x, with the slack that Node8 promises.
+  DST_HD uint8_t below(int axis, float x) const { return plane(floorf(place(axis, x) - kSlack)); }
+  DST_HD uint8_t above(int axis, float x) const { return plane(ceilf(place(axis, x) + kSlack)); }
+
+  DST_HD void write_to(Node8* node) const {
+    node->origin = {origin[0], origin[1], origin[2]};
+    for (int k = 0; k < 3; ++k) node->exponent[k] = static_cast<uint8_t>(exponent[k]);
+  }
+  // Writes the box of the child in that slot.
+  DST_HD void write_box(const Bounds& box, uint32_t slot, Node8* node) const {
+    for (int k = 0; k < 3; ++k) {
+      node->lo[k][slot] = below(k, box.lo[k]);
+      node->hi[k][slot] = above(k, box.hi[k]);
+    }
+  }
+
+ private:
+  static constexpr float kSlack = 1.0f / 64;
+
+  DST_HD float place(int axis, float x) const {
+    return (x - origin[axis]) * bits_to_float((254u - exponent[axis]) << 23);
+  }
+  DST_HD static uint8_t plane(float x) { return static_cast<uint8_t>(clamp(x, 0.0f, 255.0f)); }
+};
+
+// The child's part of Node8::children; it is not empty.
+DST_FN uint32_t child_bits(const Subtree& child, uint32_t slot) {
+  return child.is_inner() ? 1u << (24 + slot) : ((1u << child.count) - 1) << (3 * slot);
 }
 
 // A node whose child in slot s is by_slot[s]. Inner children are nodes from `first_child` on, primitives of the leaf
 // children lie from `first_leaf` on, both in slot order.
 DST_FN Node8 make_node(const Bounds& bounds, const Subtree* by_slot, uint32_t first_child, uint32_t first_leaf) {
   Node8 node;
-  set_grid(bounds, &node);
+  const NodeGrid grid(bounds);
+  grid.write_to(&node);
   node.first_child = first_child;
   node.first_leaf = first_leaf;
   for (uint32_t s = 0; s < 8; ++s) {
     const Subtree& child = by_slot[s];
     if (child.empty()) continue;
     node.used |= 1u << s;
-    set_child_box(child.bounds, s, &node);
-    if (child.is_inner()) {
-      node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
-      node.children |= 1u << (24 + s);
-    } else {
-      node.children |= ((1u << child.count) - 1) << (3 * s);
-    }
+    node.children |= child_bits(child, s);
+    grid.write_box(child.bounds, s, &node);
+    if (child.is_inner()) node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
   }
   return node;
 }

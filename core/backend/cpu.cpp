@@ -1,6 +1,4 @@
 // The CPU backend: tiles handed out to threads by a counter. Which thread renders a pixel has no influence on its value.
-#include <sched.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
@@ -8,19 +6,13 @@
 
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
+#include "base/parallel.h"
 
 namespace destello {
 
 namespace {
 
 constexpr uint32_t kTile = 16;
-
-// Cores that this process may run on.
-uint32_t available_threads() {
-  cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
-  return std::max(1u, std::thread::hardware_concurrency());
-}
 
 class CpuBackend final : public Backend {
  public:

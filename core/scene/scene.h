@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "accel/bvh_build.h"
-#include "accel/sphere_blocks.h"
+#include "accel/host_tree.h"
 #include "camera/cameras.h"
 #include "light/environment_build.h"
 #include "scene/scene_view.h"
@@ -19,6 +19,7 @@ struct SceneStats {
   uint64_t triangles = 0, spheres = 0, instances = 0, lights = 0, materials = 0, textures = 0;
   uint64_t dropped = 0;  // degenerate triangles
   uint64_t geometry_bytes = 0, bvh_bytes = 0, texture_bytes = 0;
+  uint64_t host_bytes = 0;   // what only the host's traversal reads
   double build_seconds = 0;  // of all trees
   BvhStats world;            // the world's own tree
 };
@@ -32,6 +33,8 @@ struct SceneArrays {
   std::vector<SphereBlock> blocks;  // for the host's traversal
   std::vector<uint32_t> blocks_of_node;
   bool only_blocks = false;
+  RawVector<HostUnit> host;
+  std::vector<HostTarget> host_targets;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;

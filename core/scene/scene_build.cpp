@@ -4,6 +4,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#ifdef DST_HAS_CUDA
+#include "accel/bvh_build_cuda.h"
+#endif
 #include "accel/traverse_host.h"
 #include "scene/area_light.h"
 #include "scene/scene.h"
@@ -28,6 +31,8 @@ std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
   s.materials = a.materials.size();
   s.textures = a.textures.size();
   s.bvh_bytes = a.nodes.size() * sizeof(Node8);
+  s.host_bytes = a.host.size() * sizeof(HostUnit) + a.host_targets.size() * sizeof(HostTarget) +
+                 a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4;
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.uvs.size() * sizeof(Vec2) +
                      a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
@@ -47,12 +52,26 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
+// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
+// host's.
+static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
+                           std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
+#ifdef DST_HAS_CUDA
+  constexpr size_t kFewest = 4096;
+  if (options.cuda_device >= 0 && options.quality != BuildQuality::High && boxes.size() >= kFewest)
+    return build_bvh_cuda(boxes, first_leaf, nodes, order, stats, options);
+#else
+  if (options.cuda_device >= 0) throw std::invalid_argument("cuda_device: this build has no CUDA backend");
+#endif
+  return build_bvh(boxes, first_leaf, nodes, order, stats, options);
+}
+
 void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   std::vector<uint32_t> order;
   BvhStats stats;
   const uint32_t first = static_cast<uint32_t>(a.leaves.size());
-  group->root = build_bvh(group->boxes, first, &a.nodes, &order, &stats, options);
+  group->root = build_tree(group->boxes, first, &a.nodes, &order, &stats, options);
   for (const uint32_t i : order) a.leaves.push_back(group->primitives[i]);
   for (const Bounds& b : group->boxes) group->bounds.grow(b);
   if (group == groups_.data()) scene_->stats_.world = stats;
@@ -82,6 +101,7 @@ void SceneBuilder::build_trees(const BuildOptions& options) {
   build_group(&world, options);
   a.nodes[0] = a.nodes[world.root];
   a.only_blocks = build_sphere_blocks(a.nodes, a.leaves, &a.blocks, &a.blocks_of_node);
+  build_host_tree(a.nodes, a.leaves, a.blocks_of_node, options.threads, &a.host, &a.host_targets);
   scene_->bounds_ = world.bounds;
 }
 
@@ -240,6 +260,8 @@ void SceneBuilder::make_view() {
   v.geometry.only_blocks = a.only_blocks && a.instances.empty();
   v.geometry.blocks = a.blocks.data();
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();
+  v.geometry.host = a.host.data();
+  v.geometry.host_targets = a.host_targets.data();
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();

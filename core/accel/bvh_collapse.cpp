@@ -1,0 +1,122 @@
+#include <algorithm>
+
+#include "accel/binary_tree.h"
+#include "accel/wide_node.h"
+#include "base/parallel.h"
+
+namespace destello {
+
+namespace {
+
+// A wide node to be made, then what it is made of.
+struct WideTask {
+  uint32_t binary;          // its subtree's root
+  uint32_t by_slot[8];      // subtrees of the children
+  uint32_t used, inner;     // bit s: there is a child in slot s; it is a node
+  uint32_t inners, leaves;  // numbers of nodes and primitives below
+  uint32_t first_child, first_leaf;
+};
+
+class Collapser {
+ public:
+  Collapser(const BinaryTree& tree, uint32_t first_leaf, uint32_t threads)
+      : tree_(tree), first_leaf_(first_leaf), threads_(threads) {}
+
+  // Level by level, so that the top of the tree lies together.
+  void run(uint32_t root, std::vector<Node8>* nodes, std::vector<uint32_t>* order, BvhStats* stats) {
+    order->resize(tree_.order.size());
+    root_area_ = std::max(tree_.nodes[0].bounds.half_area(), 1e-37f);
+    std::vector<WideTask> level(1);
+    level[0].binary = 0;
+    uint32_t first = root, placed = 0;
+    double cost = 0;
+    while (!level.empty()) {
+      ++stats->depth;
+      cost += plan(&level);
+      const uint32_t children = first + static_cast<uint32_t>(level.size());
+      uint32_t next = children;
+      for (WideTask& t : level) {
+        t.first_child = next, t.first_leaf = placed;
+        next += t.inners, placed += t.leaves;
+      }
+      nodes->resize(next);
+      std::vector<WideTask> below(next - children);
+      in_parts(static_cast<uint32_t>(level.size()), [&](uint32_t i, uint32_t) {
+        (*nodes)[first + i] = make(level[i], order->data(), below.data() + (level[i].first_child - children));
+      });
+      first = children;
+      level = std::move(below);
+    }
+    stats->sah_cost = static_cast<float>(cost);
+  }
+
+ private:
+  static constexpr uint32_t kPart = 512;
+
+  Subtree subtree(uint32_t i) const {
+    const BinaryNode& b = tree_.nodes[i];
+    return {b.bounds, i, b.left, b.right, b.count};
+  }
+  template <class Body>
+  void in_parts(uint32_t count, const Body& body) {
+    parallel_for((count + kPart - 1) / kPart, threads_, [&](uint32_t part) {
+      for (uint32_t i = part * kPart; i < std::min(count, (part + 1) * kPart); ++i) body(i, part);
+    });
+  }
+  // Chooses the nodes' children. Returns what the nodes and their leaves add to the cost.
+  double plan(std::vector<WideTask>* level) {
+    std::vector<double> costs((level->size() + kPart - 1) / kPart, 0.0);
+    in_parts(static_cast<uint32_t>(level->size()), [&](uint32_t i, uint32_t part) {
+      WideTask& t = (*level)[i];
+      const Subtree top = subtree(t.binary);
+      Subtree children[8];
+      const uint32_t count = choose_children([&](uint32_t n) { return subtree(n); }, top, children);
+      const uint32_t slots = assign_slots(top.bounds, children, count);
+      t.used = t.inner = t.inners = t.leaves = 0;
+      costs[part] += static_cast<double>(top.bounds.half_area() / root_area_);
+      for (uint32_t c = 0; c < count; ++c) {
+        const uint32_t slot = slots >> (4 * c) & 15;
+        t.by_slot[slot] = children[c].index;
+        t.used |= 1u << slot;
+        if (children[c].is_inner()) {
+          t.inner |= 1u << slot, ++t.inners;
+        } else {
+          t.leaves += children[c].count;
+          const float area = children[c].bounds.half_area() / root_area_;
+          costs[part] += static_cast<double>(area * static_cast<float>(children[c].count));
+        }
+      }
+    });
+    double cost = 0;
+    for (const double c : costs) cost += c;
+    return cost;
+  }
+  Node8 make(const WideTask& t, uint32_t* order, WideTask* below) const {
+    Subtree by_slot[8];
+    uint32_t* out = order + t.first_leaf;
+    for (uint32_t s = 0; s < 8; ++s) {
+      if (!(t.used >> s & 1)) continue;
+      by_slot[s] = subtree(t.by_slot[s]);
+      if (by_slot[s].is_inner()) {
+        (below++)->binary = t.by_slot[s];
+        continue;
+      }
+      const BinaryNode& b = tree_.nodes[t.by_slot[s]];
+      out = std::copy_n(tree_.order.data() + b.first, b.count, out);
+    }
+    return make_node(tree_.nodes[t.binary].bounds, by_slot, t.first_child, first_leaf_ + t.first_leaf);
+  }
+
+  const BinaryTree& tree_;
+  uint32_t first_leaf_, threads_;
+  float root_area_ = 0;
+};
+
+}  // namespace
+
+void collapse(const BinaryTree& tree, uint32_t root, uint32_t first_leaf, uint32_t threads, std::vector<Node8>* nodes,
+              std::vector<uint32_t>* order, BvhStats* stats) {
+  Collapser(tree, first_leaf, threads).run(root, nodes, order, stats);
+}
+
+}  // namespace destello

@@ -1,0 +1,17 @@
+// Work shared out to threads of the host.
+#pragma once
+
+#include <functional>
+
+#include "base/defs.h"
+
+namespace destello {
+
+// Cores that this process may run on.
+uint32_t available_threads();
+
+// Calls body(0) ... body(count - 1), each once, in any order, on up to `threads` threads (0: available_threads()), the
+// calling one among them. Which thread makes which call must have no influence on results. The first exception comes out.
+void parallel_for(uint32_t count, uint32_t threads, const std::function<void(uint32_t)>& body);
+
+}  // namespace destello
