@@ -289,6 +289,17 @@ void SceneBuilder::make_view() {
   v.simple = v.clear_shadows && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasNormalMap));
 }
 
+LeafKind Scene::leaf_kind() const {
+  const auto all = [&](PrimitiveKind kind) {
+    return std::all_of(arrays_.leaves.begin(), arrays_.leaves.end(),
+                       [&](const LeafPrimitive& p) { return p.kind() == kind; });
+  };
+  if (arrays_.leaves.empty()) return LeafKind::Any;
+  return all(PrimitiveKind::Sphere)     ? LeafKind::Spheres
+         : all(PrimitiveKind::Triangle) ? LeafKind::Triangles
+                                        : LeafKind::Any;
+}
+
 // Walks a straight line from p to infinity. An interior that is left without having been entered holds p.
 std::vector<uint32_t> Scene::interiors_at(Vec3 p) const {
   std::vector<uint32_t> entered, holding;
