@@ -173,7 +173,7 @@ nb::dict trace(const LooseTree& tree, const Rows& origins, const Rows& direction
       const LocalRay local = LocalRay::make(ray.origin, ray.direction, 0);
       for (uint32_t k = 0; k < leaves.size(); ++k) intersect_primitive(g, leaves[k], k, local, &hit);
     } else {
-      traverse_groups<false>(g, ray, &hit);
+      traverse_groups<LeafKind::Any>(g, ray, false, &hit);
     }
     t.data[i] = hit.found() ? hit.t : kInfinity;
     primitive.data[i] = hit.found() ? static_cast<int32_t>(tree.order[hit.leaf]) : -1;

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "accel/sphere_tree.h"
 #include "accel/traversal.h"
 #include "accel/traverse_host.h"
 #include "backend/backend.h"
@@ -96,6 +97,26 @@ class BruteForce {
   std::vector<std::vector<uint32_t>> of_instance_;
 };
 
+// By the traversal that a device would choose for the scene.
+void trace_special(const Scene& scene, const std::vector<Ray>& rays, bool any, Hit* hits) {
+  GeometryView g = scene.view().geometry;
+  const LeafKind kind = scene.leaf_kind();
+  SphereTreeArrays tree;
+  if (kind == LeafKind::Spheres) {
+    tree = build_sphere_tree(scene.arrays().leaves);
+    g.sphere_tree = {tree.nodes.data(), tree.spheres.data(), tree.motion.empty() ? nullptr : tree.motion.data(),
+                     tree.leaves.data()};
+  }
+  for (size_t i = 0; i < rays.size(); ++i) {
+    hits[i].t = rays[i].t_max;
+    switch (kind) {
+      case LeafKind::Spheres: traverse_groups<LeafKind::Spheres>(g, rays[i], any, &hits[i]); break;
+      case LeafKind::Triangles: traverse_groups<LeafKind::Triangles>(g, rays[i], any, &hits[i]); break;
+      case LeafKind::Any: traverse_groups<LeafKind::Any>(g, rays[i], any, &hits[i]); break;
+    }
+  }
+}
+
 // A traversal of the host by its name, and the last argument that it wants.
 struct HostMethod {
   DstTraceRays* trace;
@@ -122,19 +143,21 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
     return hits;
   }
 #endif
+  if (method == "special") {
+    trace_special(scene, rays, any, hits.data());
+    return hits;
+  }
   const bool brute = method == "brute";
   if (!brute && method != "groups")
     throw std::invalid_argument(
-        "method: expected simd, packet, stream, baseline, groups, brute or, in a build with CUDA, cuda:0");
+        "method: expected simd, packet, stream, baseline, groups, special, brute or, in a build with CUDA, cuda:0");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;
     if (brute) {
       everything.trace(rays[i], any, &hits[i]);
-    } else if (any) {
-      traverse_groups<true>(g, rays[i], &hits[i]);
     } else {
-      traverse_groups<false>(g, rays[i], &hits[i]);
+      traverse_groups<LeafKind::Any>(g, rays[i], any, &hits[i]);
     }
   }
   return hits;

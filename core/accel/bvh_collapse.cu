@@ -27,7 +27,7 @@ struct Levels {
 struct CollapseTask {
   BinaryTree tree;
   Levels* levels;
-  unsigned long long* tiles;  // look-back: see publish
+  unsigned long long* tiles;  // see look_back
   uint32_t* todo;             // of each wide node: the binary node that it stands for
   Node8* nodes;
   uint32_t capacity;
@@ -58,10 +58,10 @@ __device__ unsigned long long look_back(volatile unsigned long long* tiles, uint
         word = tiles[end - 1 - lane];
       } while (word == 0);
     }
-    const uint32_t complete = __ballot_sync(0xffffffffU, (word & kUpTo) != 0);
+    const uint32_t complete = __ballot_sync(kAll, (word & kUpTo) != 0);
     const uint32_t last = complete != 0 ? static_cast<uint32_t>(__ffs(static_cast<int>(complete))) - 1 : 31;
     unsigned long long counts = lane <= last ? word & kCounts : 0;
-    for (int by = 16; by != 0; by /= 2) counts += __shfl_xor_sync(0xffffffffU, counts, by);
+    for (int by = 16; by != 0; by /= 2) counts += __shfl_xor_sync(kAll, counts, by);
     before += counts;
     if (complete != 0) break;
   }

@@ -138,13 +138,12 @@ struct Traversal {
   }
 };
 
-// The nearest hit before hit->t (kAny: any one). `hit->t` must hold the ray's t_max on entry. Returns whether something
-// was hit.
-template <bool kAny>
-DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, Hit* hit) {
+// The nearest hit before hit->t (any: some one). `hit->t` must hold the ray's t_max on entry. Returns whether something was hit.
+template <LeafKind kLeaves>
+DST_FN bool traverse_groups(const GeometryView& g, const Ray& ray, bool any, Hit* hit) {
   Group stack[kTraversalStack];
-  Traversal<LeafKind::Any> t;
-  t.start(ray, kAny);
+  Traversal<kLeaves> t;
+  t.start(ray, any);
   while (t.step(g, [&] { return ray; }, stack)) {
   }
   *hit = t.hit;

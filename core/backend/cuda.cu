@@ -15,6 +15,7 @@
 #include "backend/cuda_fused.cuh"
 #include "backend/cuda_queues.cuh"
 #include "backend/device_scene.cuh"
+#include "base/parallel.h"
 
 namespace destello {
 
@@ -82,7 +83,7 @@ class CudaBackend final : public Backend {
   }
 
  private:
-  static constexpr size_t kPiece = 16384;  // pixels copied to the host at once
+  static constexpr size_t kPiece = 65536;  // pixels copied to the host at once
   static_assert(uint32_t{kAovChannels} <= uint32_t{kFilmChannels});
 
   // Launches of at most about kSliceSeconds each: between them a cancellation is noticed.
@@ -158,7 +159,7 @@ class CudaBackend final : public Backend {
   template <bool kShadows, bool kSimple, LeafKind kLeaves>
   void launch_queues_as(const KernelParams& p) const {
     launch_kernel(queue_kernel<kShadows, kSimple, kLeaves>, p, QueueBlock<kShadows, kSimple, kLeaves>::kThreads,
-                  queue_memory<kShadows>(architecture_), p.items);
+                  queue_memory<kShadows, kLeaves>(architecture_), p.items);
   }
 
   // As many blocks as the device holds at once, but no more than have something to do.
@@ -200,11 +201,17 @@ class CudaBackend final : public Backend {
     for (size_t first = 0; first < pixels; first += kPiece) {
       check_cuda(cudaStreamSynchronize(nullptr), "copy the film");
       fetch(first + kPiece);
-      const double* piece = staging_[first / kPiece % 2].data();
-      double* out = to + first * channels;
-      for (size_t i = 0; i < std::min(kPiece, pixels - first); ++i)
-        for (uint32_t k = 0; k < channels; ++k) out[i * channels + k] += piece[k * kPiece + i];
+      add_piece(staging_[first / kPiece % 2].data(), to + first * channels, std::min(kPiece, pixels - first), channels);
     }
+  }
+
+  static void add_piece(const double* piece, double* to, size_t pixels, uint32_t channels) {
+    constexpr size_t kPart = 4096;
+    const uint32_t parts = static_cast<uint32_t>((pixels + kPart - 1) / kPart);
+    parallel_for(parts, std::min(available_threads(), 4u), [&](uint32_t part) {
+      for (size_t i = part * kPart; i < std::min((part + 1) * kPart, pixels); ++i)
+        for (uint32_t k = 0; k < channels; ++k) to[i * channels + k] += piece[k * kPiece + i];
+    });
   }
 
   int device_;

@@ -17,13 +17,13 @@ inline constexpr uint32_t kItemSamples = 32;
 __device__ __noinline__ Hit closest_hit(const GeometryView& g, Ray ray) {
   Hit hit;
   hit.t = ray.t_max;
-  traverse_groups<false>(g, ray, &hit);
+  traverse_groups<LeafKind::Any>(g, ray, false, &hit);
   return hit;
 }
 __device__ __noinline__ bool any_hit(const GeometryView& g, Ray ray) {
   Hit hit;
   hit.t = ray.t_max;
-  return traverse_groups<true>(g, ray, &hit);
+  return traverse_groups<LeafKind::Any>(g, ray, true, &hit);
 }
 
 struct FusedTracer {

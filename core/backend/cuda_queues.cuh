@@ -9,6 +9,8 @@
 // on its way, and following it while shading makes this kernel slower than the fused one (benches/LOG.md).
 #pragma once
 
+#include <type_traits>
+
 #include "accel/traversal.h"
 #include "backend/cuda_params.cuh"
 #include "backend/cuda_slots.cuh"
@@ -16,8 +18,7 @@
 
 namespace destello {
 
-inline constexpr uint32_t kQueueBlocks = 2;   // per multiprocessor: while one waits at a barrier the other works
-inline constexpr uint32_t kRefillLanes = 12;  // idle lanes that are worth a look at the list of rays
+inline constexpr uint32_t kQueueBlocks = 2;  // per multiprocessor: while one waits at a barrier the other works
 inline constexpr uint32_t kShadeClasses = 4;
 inline constexpr uint32_t kUnitSamples = 64;
 inline constexpr uint32_t kShadowBit = 0x8000;
@@ -44,10 +45,12 @@ struct QueueState {
 };
 
 // How a block uses its shared memory on devices of an architecture (10 * compute capability). What it leaves is first-level
-// cache, and worth something too. kShadows: lights are sampled.
-template <bool kShadows, uint32_t kArchitecture>
+// cache, and worth something too: more to long ways through large trees. kShadows: lights are sampled.
+template <bool kShadows, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kBudget = 1024 * (kArchitecture >= 900   ? (kShadows ? 112 : 97)
+  static constexpr size_t kBudget = 1024 * (kArchitecture >= 900   ? (kShadows                       ? 112
+                                                                      : kLeaves == LeafKind::Spheres ? 97
+                                                                                                     : 80)
                                             : kArchitecture >= 800 ? 80
                                                                    : 31);
   static constexpr size_t kSlotBytes = sizeof(uint32_t) * (kShadows ? kSlotWordsWithShadow : kSlotWords);
@@ -60,11 +63,11 @@ struct QueueLayout {
 };
 
 // Bytes of shared memory that a block asks for, in code compiled for an architecture.
-template <bool kShadows>
+template <bool kShadows, LeafKind kLeaves>
 size_t queue_memory(uint32_t architecture) {
-  return architecture >= 900   ? QueueLayout<kShadows, 900>::kMemory
-         : architecture >= 800 ? QueueLayout<kShadows, 800>::kMemory
-                               : QueueLayout<kShadows, 750>::kMemory;
+  return architecture >= 900   ? QueueLayout<kShadows, kLeaves, 900>::kMemory
+         : architecture >= 800 ? QueueLayout<kShadows, kLeaves, 800>::kMemory
+                               : QueueLayout<kShadows, kLeaves, 750>::kMemory;
 }
 
 #if defined(__CUDA_ARCH__)
@@ -85,7 +88,7 @@ class QueueBlock {
     bool plenty = false;
     for (uint32_t turn = 0;; turn ^= 1) {
       if (threadIdx.x == 0) state().ray_count[turn] = state().ray_next = 0;
-      if (!__syncthreads_or(advance(turn, plenty))) break;
+      if (!__syncthreads_or(advance(turn, plenty) || kept_.item != kNothing)) break;
       if (threadIdx.x < kShadeClasses) state().hit_count[turn][threadIdx.x] = 0;
       if (threadIdx.x == 0) {
         state().end_count[turn] = state().next_chunk = 0;
@@ -104,12 +107,31 @@ class QueueBlock {
   struct Tracer {
     static constexpr bool kSimple = kSimpleScene;
   };
-  using Layout = QueueLayout<kShadows, kArchitecture>;
+  using Layout = QueueLayout<kShadows, kLeaves, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;
   using Slots = destello::Slots<kSlots>;
   using State = typename Layout::State;
 
+  static constexpr uint32_t kNothing = 0xffffffffu;
+
+  // Where rays are long, those that are still under way when the list is empty and few lanes are busy go on in the next
+  // turn: the block needn't wait for the longest. Not with shadow rays, whose slot is wanted for the next one.
+  static constexpr bool kLongRays = kLeaves != LeafKind::Spheres;
+  static constexpr bool kKeepsRays = kLongRays && !kShadows;
+  static constexpr uint32_t kKeptLanes = 20, kLeastTurns = 4;
+  static constexpr uint32_t kSteps = kLongRays ? 2 : 1;          // between two looks at how many lanes are idle
+  static constexpr uint32_t kRefillLanes = kKeepsRays ? 8 : 12;  // idle lanes that are worth a look at the list of rays
+  struct KeptRay {
+    uint32_t item = kNothing;
+    Traversal<kLeaves> way;
+    Group stack[kTraversalStack];
+  };
+  struct NoRay {
+    static constexpr uint32_t item = kNothing;
+  };
+
   uint32_t rays_ = 0, samples_ = 0, nonfinite_ = 0;
+  std::conditional_t<kKeepsRays, KeptRay, NoRay> kept_;
 
   static __device__ State& state() {
     return *reinterpret_cast<State*>(Slots::words() + Layout::kStateOffset / sizeof(uint32_t));
@@ -167,15 +189,21 @@ class QueueBlock {
   // Returns how many rays there were. The phases are functions of their own so that each has the registers to itself.
   __device__ __noinline__ uint32_t trace(uint32_t turn) {
     const uint32_t count = state().ray_count[turn];
-    constexpr uint32_t kNothing = 0xffffffffu;
-    Group stack[kTraversalStack];
+    Group own_stack[kTraversalStack];
+    Group* stack = own_stack;
     Traversal<kLeaves> way;
     uint32_t item = kNothing;  // of the list of rays: under way, or ended and to be handed on
-    bool active = false, more = true;
-    for (;;) {
+    if constexpr (kKeepsRays) {
+      stack = kept_.stack;
+      __builtin_assume(__isLocal(stack));
+      item = kept_.item;
+      if (item != kNothing) way = kept_.way;
+    }
+    bool active = item != kNothing, more = true;
+    for (uint32_t turns = 0;; ++turns) {
       const unsigned waiting = __ballot_sync(0xffffffffu, !active && more);
-      const bool none_active = !__any_sync(0xffffffffu, active);
-      if (none_active || __popc(waiting) >= static_cast<int>(kRefillLanes)) {
+      const unsigned busy = __ballot_sync(0xffffffffu, active);
+      if (busy == 0 || __popc(waiting) >= static_cast<int>(kRefillLanes)) {
         if (!active && item != kNothing) {
           end_ray(turn, item, way.hit);
           item = kNothing;
@@ -190,10 +218,26 @@ class QueueBlock {
             ++rays_;
           }
         }
-        if (none_active && !__any_sync(0xffffffffu, active)) return count;
+        if (busy == 0 && !__any_sync(0xffffffffu, active)) break;
       }
-      if (active) active = way.step(kernel_params().scene.geometry, [&] { return load_ray(item); }, stack);
+      if (kKeepsRays && turns >= kLeastTurns && __popc(busy) <= static_cast<int>(kKeptLanes) && rays_given_out(count))
+        break;
+#pragma unroll
+      for (uint32_t k = 0; k < kSteps; ++k)
+        if (active) active = way.step(kernel_params().scene.geometry, [&] { return load_ray(item); }, stack);
     }
+    if constexpr (kKeepsRays) {
+      if (!active && item != kNothing) {
+        end_ray(turn, item, way.hit);
+        item = kNothing;
+      }
+      kept_.item = item;
+      if (active) kept_.way = way;
+    }
+    return count;
+  }
+  static __device__ bool rays_given_out(uint32_t count) {
+    return *static_cast<volatile uint32_t*>(&state().ray_next) >= count;
   }
   static __device__ bool is_shadow(uint32_t item) { return kShadows && (item & kShadowBit); }
   static __device__ Ray load_ray(uint32_t item) {

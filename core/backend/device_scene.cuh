@@ -1,8 +1,6 @@
 // A scene in device memory: explicit copies of the host's arrays.
 #pragma once
 
-#include <algorithm>
-
 #include "accel/sphere_tree.h"
 #include "accel/traversal.h"
 #include "base/device_buffer.h"
@@ -13,16 +11,13 @@ namespace destello {
 // The scene's arrays on the device, and a view of them.
 class DeviceScene {
  public:
-  explicit DeviceScene(const Scene& scene) : view_(scene.view()) {
+  explicit DeviceScene(const Scene& scene) : view_(scene.view()), leaf_kind_(scene.leaf_kind()) {
     const SceneArrays& a = scene.arrays();
     view_.geometry.nodes = keep(&nodes_, a.nodes);
     view_.geometry.leaves = keep(&leaves_, a.leaves);
     view_.geometry.instances = keep(&instances_, a.instances);
     view_.geometry.moving = keep(&moving_, a.moving);
-    const auto is_triangle = [](const LeafPrimitive& p) { return p.kind() == PrimitiveKind::Triangle; };
-    if (std::all_of(a.leaves.begin(), a.leaves.end(), is_triangle)) leaf_kind_ = LeafKind::Triangles;
-    if (view_.geometry.only_blocks) {
-      leaf_kind_ = LeafKind::Spheres;
+    if (leaf_kind_ == LeafKind::Spheres) {
       const SphereTreeArrays tree = build_sphere_tree(a.leaves);
       SphereTree& t = view_.geometry.sphere_tree;
       t.nodes = keep(&sphere_nodes_, tree.nodes);
@@ -63,7 +58,7 @@ class DeviceScene {
   }
 
   SceneView view_;
-  LeafKind leaf_kind_ = LeafKind::Any;
+  LeafKind leaf_kind_;
   DeviceBuffer<Node8> nodes_;
   DeviceBuffer<LeafPrimitive> leaves_;
   DeviceBuffer<Instance> instances_;

@@ -8,6 +8,7 @@
 
 #include "accel/bvh_build.h"
 #include "accel/host_tree.h"
+#include "accel/traversal.h"
 #include "camera/cameras.h"
 #include "light/environment_build.h"
 #include "scene/scene_view.h"
@@ -62,6 +63,8 @@ class Scene {
   const SceneStats& stats() const { return stats_; }
   const std::vector<AnyCamera>& cameras() const { return cameras_; }
   const Bounds& bounds() const { return bounds_; }
+  // What the leaves of all trees are.
+  LeafKind leaf_kind() const;
   // The interiors that hold point p at time 0.
   std::vector<uint32_t> interiors_at(Vec3 p) const;
 

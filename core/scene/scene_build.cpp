@@ -53,8 +53,8 @@ void SceneBuilder::resolve_mixes() {
   }
 }
 
-// On the GPU if there is to be one and the tree is large: below, the host is as quick (benches/LOG.md). The best trees are the
-// host's.
+// On the GPU if there is to be one and the tree is large: smaller ones take the host a few milliseconds at most. The best trees
+// are the host's.
 static uint32_t build_tree(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                            std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
 #ifdef DST_HAS_CUDA
@@ -293,6 +293,17 @@ void SceneBuilder::make_view() {
   for (const MaterialRecord& m : a.materials) any |= m.flags, all &= m.flags;
   v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
   v.simple = v.clear_shadows && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasNormalMap));
+}
+
+LeafKind Scene::leaf_kind() const {
+  const auto all = [&](PrimitiveKind kind) {
+    return std::all_of(arrays_.leaves.begin(), arrays_.leaves.end(),
+                       [&](const LeafPrimitive& p) { return p.kind() == kind; });
+  };
+  if (arrays_.leaves.empty()) return LeafKind::Any;
+  return all(PrimitiveKind::Sphere)     ? LeafKind::Spheres
+         : all(PrimitiveKind::Triangle) ? LeafKind::Triangles
+                                        : LeafKind::Any;
 }
 
 // Walks a straight line from p to infinity. An interior that is left without having been entered holds p.

@@ -59,6 +59,31 @@ def test_packets_find_the_same_hits(rng, octant, moving):
     np.testing.assert_array_equal(packet.leaf, one.leaf)
 
 
+@pytest.mark.cuda
+@pytest.mark.parametrize("make", SCENES, ids=lambda f: f.__name__)
+def test_devices_find_what_brute_force_finds(make, rng):
+    """Up to rounding: rays that graze an edge may go either way."""
+    scene, rays = make(rng).build(), rays_about(rng, 20_000)
+    brute, hits = trace(scene, **rays, method="brute"), trace(scene, **rays, method="cuda:0")
+    assert (hits.found != brute.found).mean() < 1e-3
+    both = hits.found & brute.found
+    assert (~np.isclose(hits.t[both], brute.t[both], rtol=1e-4, atol=1e-4)).sum() <= 1e-3 * len(both)
+    some = trace(scene, **rays, method="cuda:0", any_hit=True)
+    assert (some.found != hits.found).mean() < 1e-3
+
+
+@pytest.mark.parametrize("n", [1, 7, 8, 9, 64, 500, 5000])
+@pytest.mark.parametrize("moving", [False, True])
+def test_blocks_of_spheres_find_the_same_hits(rng, n, moving):
+    """The tree that devices follow through spheres alone: any number of them, one of them huge, rays from inside too."""
+    centers, radii = rng.uniform(-10, 10, (n, 3)), rng.uniform(0.1, 2, n) * rng.choice([-1, 1], n)
+    ends = centers + rng.normal(size=(n, 3)) * 0.3 if moving else None
+    scene = Geometry().spheres(centers, radii, centers1=ends).spheres([(0, -1010, 0)], [1000]).build()
+    rays = rays_about(rng, 4000)
+    one = assert_all_agree(scene, rays, methods=("groups", "special"))
+    assert one.found.any()
+
+
 def test_twenty_thousand_triangles(rng):
     scene = Geometry().soup(small_triangles(rng, 20_000, 0.02)).build()
     assert scene.stats()["triangles"] == 20_000
