@@ -164,6 +164,7 @@ nb::dict stats(const Scene& scene) {
   d["triangles"] = s.triangles, d["spheres"] = s.spheres, d["instances"] = s.instances, d["lights"] = s.lights;
   d["materials"] = s.materials, d["textures"] = s.textures, d["dropped"] = s.dropped;
   d["geometry_bytes"] = s.geometry_bytes, d["bvh_bytes"] = s.bvh_bytes, d["texture_bytes"] = s.texture_bytes;
+  d["host_bytes"] = s.host_bytes;
   d["build_seconds"] = s.build_seconds, d["bvh_nodes"] = scene.arrays().nodes.size();
   d["bvh_depth"] = s.world.depth, d["sah_cost"] = s.world.sah_cost;
   const Bounds& b = scene.bounds();

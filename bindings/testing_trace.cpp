@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -116,12 +117,24 @@ void trace_special(const Scene& scene, const std::vector<Ray>& rays, bool any, H
   }
 }
 
+// A traversal of the host by its name, and the last argument that it wants.
+struct HostMethod {
+  DstTraceRays* trace;
+  int how;
+};
+std::optional<HostMethod> host_method(const std::string& name, bool any) {
+  if (name == "simd") return HostMethod{cpu_kernels().trace_rays, any ? 1 : 0};
+  if (name == "packet") return HostMethod{cpu_kernels().trace_rays, any ? 1 : 2};
+  if (name == "stream") return HostMethod{cpu_kernels().trace_rays, any ? 4 : 3};
+  if (name == "baseline") return HostMethod{&dst_trace_rays_baseline, any ? 1 : 0};
+  return std::nullopt;
+}
+
 std::vector<Hit> run_method(const Scene& scene, const std::string& method, const std::vector<Ray>& rays, bool any) {
   const GeometryView& g = scene.view().geometry;
   std::vector<Hit> hits(rays.size());
-  if (method == "simd" || method == "packet" || method == "baseline") {
-    DstTraceRays* trace = method != "baseline" ? cpu_kernels().trace_rays : &dst_trace_rays_baseline;
-    trace(&g, rays.data(), hits.data(), rays.size(), any ? 1 : method == "packet" ? 2 : 0);
+  if (const std::optional<HostMethod> host = host_method(method, any)) {
+    host->trace(&g, rays.data(), hits.data(), rays.size(), host->how);
     return hits;
   }
 #if defined(DST_HAS_CUDA)
@@ -137,7 +150,7 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
   const bool brute = method == "brute";
   if (!brute && method != "groups")
     throw std::invalid_argument(
-        "method: expected simd, packet, baseline, groups, special, brute or, in a build with CUDA, cuda:0");
+        "method: expected simd, packet, stream, baseline, groups, special, brute or, in a build with CUDA, cuda:0");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;
@@ -164,18 +177,17 @@ std::vector<double> time_rays(const Scene& scene, const Rows& origins, const Row
 #if defined(DST_HAS_CUDA)
   if (method.starts_with("cuda:")) return trace_rays_cuda(scene, std::stoi(method.substr(5)), rays, any, repeat, &hits);
 #endif
-  if (method != "simd" && method != "baseline" && method != "packet")
-    throw std::invalid_argument("method: expected simd, packet, baseline or, in a build with CUDA, cuda:0");
-  DstTraceRays* trace = method == "baseline" ? &dst_trace_rays_baseline : cpu_kernels().trace_rays;
-  const int how = any ? 1 : method == "packet" ? 2 : 0;
+  const std::optional<HostMethod> host = host_method(method, any);
+  if (!host)
+    throw std::invalid_argument("method: expected simd, packet, stream, baseline or, in a build with CUDA, cuda:0");
   std::vector<double> seconds;
   for (uint32_t i = 0; i < repeat; ++i) {
     std::atomic<size_t> next{0};
     const auto work = [&] {
       constexpr size_t kPiece = 4096;
       for (size_t first; (first = next.fetch_add(kPiece)) < rays.size();)
-        trace(&scene.view().geometry, rays.data() + first, hits.data() + first, std::min(kPiece, rays.size() - first),
-              how);
+        host->trace(&scene.view().geometry, rays.data() + first, hits.data() + first,
+                    std::min(kPiece, rays.size() - first), host->how);
     };
     const auto start = std::chrono::steady_clock::now();
     std::vector<std::thread> others;

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from destello import _core
 
-METHODS = ("simd", "packet", "baseline", "groups", "special", "brute")
-TREES = METHODS[:5]
+METHODS = ("simd", "packet", "stream", "baseline", "groups", "special", "brute")
+TREES = METHODS[:6]
 Floats = NDArray[np.float32]
 
 

@@ -3,7 +3,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "accel/binary_tree.h"
+#include "accel/box_tree.h"
 
 namespace destello {
 
@@ -21,14 +21,17 @@ uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::v
   constexpr uint32_t kMaxWideDepth = kTraversalStack / 2 - 2;
   const uint32_t root = static_cast<uint32_t>(nodes->size());
   *stats = {};
-  for (const bool median_only : {false, true}) {
+  enum Way { Optimized, Plain, Medians };
+  for (const Way way : {Optimized, Plain, Medians}) {
+    if (way == Optimized && options.quality != BuildQuality::High) continue;
     nodes->resize(root);
     nodes->emplace_back();
     order->clear();
     *stats = {};
     if (!boxes.empty()) {
-      const BinaryTree tree = build_binary_tree(boxes, options.quality, median_only, options.threads);
-      collapse(tree, root, first_leaf, options.threads, nodes, order, stats);
+      BoxTree tree = build_box_tree(boxes, options.quality, way == Medians, options.threads);
+      if (way == Optimized) optimize(&tree, options.threads);
+      collapse(tree, way == Optimized, root, first_leaf, options.threads, nodes, order, stats);
     }
     if (stats->depth <= kMaxWideDepth) break;
   }

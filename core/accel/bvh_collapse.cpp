@@ -1,6 +1,7 @@
 #include <algorithm>
 
-#include "accel/binary_tree.h"
+#include "accel/box_tree.h"
+#include "accel/wide_cut.h"
 #include "accel/wide_node.h"
 #include "base/parallel.h"
 
@@ -19,8 +20,18 @@ struct WideTask {
 
 class Collapser {
  public:
-  Collapser(const BinaryTree& tree, uint32_t first_leaf, uint32_t threads)
+  Collapser(const BoxTree& tree, uint32_t first_leaf, uint32_t threads)
       : tree_(tree), first_leaf_(first_leaf), threads_(threads) {}
+
+  // From now on children are chosen by the cheapest cut.
+  void use_cuts() {
+    cuts_.resize(tree_.nodes.size());
+    for (size_t i = tree_.nodes.size(); i-- > 0;) {
+      const BoxNode& n = tree_.nodes[i];
+      const float area = n.bounds.half_area();
+      cuts_[i] = n.count == 1 ? Cut::of_primitive(area) : Cut::join(cuts_[n.left], cuts_[n.right], area, n.count);
+    }
+  }
 
   // Level by level, so that the top of the tree lies together.
   void run(uint32_t root, std::vector<Node8>* nodes, std::vector<uint32_t>* order, BvhStats* stats) {
@@ -54,8 +65,37 @@ class Collapser {
   static constexpr uint32_t kPart = 512;
 
   Subtree subtree(uint32_t i) const {
-    const BinaryNode& b = tree_.nodes[i];
+    const BoxNode& b = tree_.nodes[i];
     return {b.bounds, i, b.left, b.right, b.count};
+  }
+  // The children by the cheapest cut.
+  uint32_t cut(const Subtree& top, Subtree* children) const {
+    struct Part {
+      Subtree subtree;
+      uint32_t room;  // for children
+    };
+    Part todo[8];
+    uint32_t waiting = 0, count = 0;
+    todo[waiting++] = {top, 8};
+    while (waiting > 0) {
+      auto [s, room] = todo[--waiting];
+      uint32_t share = 0;  // of the left subtree
+      if (s.count > 1) {
+        const bool is_top = room == 8;
+        while (room > 1 && (share = Cut::left_share(cuts_[s.index].splits, room)) == 0) --room;
+        // The node itself must have children, whatever they are like.
+        if (share != 0 && !is_top && s.is_inner() &&
+            blurs(top.bounds, tree_.nodes[s.left].bounds, tree_.nodes[s.right].bounds))
+          share = 0;
+      }
+      if (share == 0) {
+        children[count++] = s;
+      } else {
+        todo[waiting++] = {subtree(s.right), room - share};
+        todo[waiting++] = {subtree(s.left), share};
+      }
+    }
+    return count;
   }
   template <class Body>
   void in_parts(uint32_t count, const Body& body) {
@@ -70,7 +110,8 @@ class Collapser {
       WideTask& t = (*level)[i];
       const Subtree top = subtree(t.binary);
       Subtree children[8];
-      const uint32_t count = choose_children([&](uint32_t n) { return subtree(n); }, top, children);
+      const uint32_t count =
+          cuts_.empty() ? choose_children([&](uint32_t n) { return subtree(n); }, top, children) : cut(top, children);
       const uint32_t slots = assign_slots(top.bounds, children, count);
       t.used = t.inner = t.inners = t.leaves = 0;
       costs[part] += static_cast<double>(top.bounds.half_area() / root_area_);
@@ -101,22 +142,25 @@ class Collapser {
         (below++)->binary = t.by_slot[s];
         continue;
       }
-      const BinaryNode& b = tree_.nodes[t.by_slot[s]];
+      const BoxNode& b = tree_.nodes[t.by_slot[s]];
       out = std::copy_n(tree_.order.data() + b.first, b.count, out);
     }
     return make_node(tree_.nodes[t.binary].bounds, by_slot, t.first_child, first_leaf_ + t.first_leaf);
   }
 
-  const BinaryTree& tree_;
+  const BoxTree& tree_;
   uint32_t first_leaf_, threads_;
   float root_area_ = 0;
+  RawVector<Cut> cuts_;  // by node; empty: the largest children are opened
 };
 
 }  // namespace
 
-void collapse(const BinaryTree& tree, uint32_t root, uint32_t first_leaf, uint32_t threads, std::vector<Node8>* nodes,
-              std::vector<uint32_t>* order, BvhStats* stats) {
-  Collapser(tree, first_leaf, threads).run(root, nodes, order, stats);
+void collapse(const BoxTree& tree, bool cheapest_cut, uint32_t root, uint32_t first_leaf, uint32_t threads,
+              std::vector<Node8>* nodes, std::vector<uint32_t>* order, BvhStats* stats) {
+  Collapser collapser(tree, first_leaf, threads);
+  if (cheapest_cut) collapser.use_cuts();
+  collapser.run(root, nodes, order, stats);
 }
 
 }  // namespace destello

@@ -90,9 +90,9 @@ inline uint32_t HostNodeTest::boxes(const HostNode& node, float t_max, float* ne
 
 #endif
 
-// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first.
+// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first. host: all units.
 inline __attribute__((always_inline)) HostEntry nearest_child(const HostNode& node, uint32_t mask, const float* near,
-                                                              HostEntry* stack, int* top) {
+                                                              HostEntry* stack, int* top, const HostUnit* host) {
   const auto next = [&]() __attribute__((always_inline)) {
     const int slot = __builtin_ctz(mask);
     mask &= mask - 1;
@@ -110,6 +110,8 @@ inline __attribute__((always_inline)) HostEntry nearest_child(const HostNode& no
   int i = (*top)++;
   const int first = i;
   stack[i] = second;
+  for (uint32_t k = 0; k < 3; ++k)
+    __builtin_prefetch(host + second.target().place() + k);  // anywhere, if it is no unit
   while (mask != 0) {
     HostEntry e = next();
     sort(&best, &e);

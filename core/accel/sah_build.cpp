@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "accel/binary_tree.h"
+#include "accel/box_tree.h"
 #include "accel/sah_split.h"
 #include "base/parallel.h"
 
@@ -28,7 +28,7 @@ class SahBuilder {
   SahBuilder(const std::vector<Bounds>& boxes, BuildQuality quality, bool median_only, uint32_t threads)
       : boxes_(boxes), fast_(quality == BuildQuality::Fast), median_only_(median_only), threads_(threads) {}
 
-  BinaryTree run() {
+  BoxTree run() {
     const uint32_t n = static_cast<uint32_t>(boxes_.size());
     tree_.nodes.resize(2 * size_t{n} - 1);
     tree_.order.resize(n);
@@ -221,14 +221,13 @@ class SahBuilder {
   const std::vector<Bounds>& boxes_;
   bool fast_, median_only_;
   uint32_t threads_;
-  BinaryTree tree_;
+  BoxTree tree_;
   RawVector<SplitItem> items_[2];
 };
 
 }  // namespace
 
-BinaryTree build_binary_tree(const std::vector<Bounds>& boxes, BuildQuality quality, bool median_only,
-                             uint32_t threads) {
+BoxTree build_box_tree(const std::vector<Bounds>& boxes, BuildQuality quality, bool median_only, uint32_t threads) {
   return SahBuilder(boxes, quality, median_only, threads).run();
 }
 

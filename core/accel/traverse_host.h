@@ -83,7 +83,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       }
       if (mask != 0 && !(kAny && nearer)) {
         if (nearer) hit->instance = instance, found = true;
-        e = nearest_child(node, mask, near, stack, &top);
+        e = nearest_child(node, mask, near, stack, &top, g.host);
         if (e.near() <= hit->t) continue;
         nearer = false;
       }

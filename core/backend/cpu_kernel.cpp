@@ -4,6 +4,7 @@
 #include <new>
 
 #include "accel/traverse_packet.h"
+#include "accel/traverse_stream.h"
 #include "backend/batch_numbers.h"
 #include "backend/render_task.h"
 #include "film/film.h"
@@ -155,6 +156,8 @@ extern "C" void DST_KERNEL(dst_trace_rays)(const void* geometry, const void* ray
     trace_packets(g, n, [&](uint64_t i) { return rays + i; }, [&](uint64_t i) { return hits + i; });
     return;
   }
+  if (how == 3) return traverse_stream<false>(g, rays, hits, n);
+  if (how == 4) return traverse_stream<true>(g, rays, hits, n);
   for (uint64_t i = 0; i < n; ++i) {
     hits[i] = Hit{};
     hits[i].t = rays[i].t_max;

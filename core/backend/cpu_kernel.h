@@ -13,7 +13,7 @@ extern "C" {
 using DstRenderTile = void(const void* scene, const void* task, const void* film, const uint32_t* rect,
                            const std::atomic<bool>* cancel, uint64_t* counts);
 // Traces n rays (destello::Ray) into hits (destello::Hit). geometry: GeometryView. how: 0 nearest hits, 1 any hits, 2
-// nearest hits of rays that go in packets of eight.
+// nearest hits of rays that go in packets of eight; 3 and 4 as 0 and 1, of rays in turns (traverse_stream.h).
 using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int how);
 
 DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2;
