@@ -57,7 +57,7 @@ def save(made: Any, path: Path) -> None:
 
 def plot_rays(entries: list[dict[str, Any]], folder: Path) -> None:
     """A picture for each device."""
-    from matplotlib.ticker import StrMethodFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     rays = [entry for entry in entries if entry.get("kind") in KINDS and "method" in entry]
     for device in sorted({entry["device"] for entry in rays}):
@@ -67,8 +67,9 @@ def plot_rays(entries: list[dict[str, Any]], folder: Path) -> None:
         for kind in KINDS:
             if (kind,) in found:
                 axes.plot(*zip(*found[kind,], strict=True), marker="o", markersize=4, label=kind)
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.legend(frameon=False)
         save(made, folder / f"rays-{_file_name(mine[-1])}.svg")
 
