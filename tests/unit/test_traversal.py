@@ -75,7 +75,7 @@ def test_devices_find_what_brute_force_finds(make, rng):
 @pytest.mark.parametrize("n", [1, 7, 8, 9, 64, 500, 5000])
 @pytest.mark.parametrize("moving", [False, True])
 def test_blocks_of_spheres_find_the_same_hits(rng, n, moving):
-    """The tree that devices follow through spheres alone: any number of them, one of them huge, rays from inside too."""
+    """The tree that devices follow through spheres alone: any number, one of them huge."""
     centers, radii = rng.uniform(-10, 10, (n, 3)), rng.uniform(0.1, 2, n) * rng.choice([-1, 1], n)
     ends = centers + rng.normal(size=(n, 3)) * 0.3 if moving else None
     scene = Geometry().spheres(centers, radii, centers1=ends).spheres([(0, -1010, 0)], [1000]).build()
