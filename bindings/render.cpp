@@ -3,12 +3,15 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
 #include "base/device_memory.h"
+#include "base/parallel.h"
+#include "base/raw_vector.h"
 #include "bindings/params.h"
 #include "bindings/register.h"
 
@@ -16,22 +19,43 @@ namespace destello {
 
 namespace {
 
+// Calls body(begin, end) for parts of 0 ... count - 1, on several threads if there are many parts.
+template <class Body>
+void in_parts(size_t count, const Body& body) {
+  constexpr size_t kPart = 1 << 17;
+  parallel_for(static_cast<uint32_t>((count + kPart - 1) / kPart), std::min(available_threads(), 4u),
+               [&](uint32_t part) { body(part * kPart, std::min((part + 1) * kPart, count)); });
+}
+
+using Sums = RawVector<double>;
+
+void clear(size_t size, Sums* sums) {
+  sums->resize(size);
+  in_parts(size, [&](size_t begin, size_t end) { std::fill(sums->begin() + begin, sums->begin() + end, 0.0); });
+}
+
+void add_to(const Sums& from, Sums* to) {
+  in_parts(from.size(), [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) (*to)[i] += from[i];
+  });
+}
+
 // Sums of samples on the host; see film/film.h.
 struct Film {
   uint32_t width, height;
-  std::vector<double> sums, aovs;
+  Sums sums, aovs;
 
   Film(uint32_t w, uint32_t h, bool with_aovs) : width(w), height(h) {
     if (w == 0 || h == 0) throw std::invalid_argument("film: expected a width and height of at least 1");
-    sums.resize(static_cast<size_t>(w) * h * kFilmChannels);
-    if (with_aovs) aovs.resize(static_cast<size_t>(w) * h * kAovChannels);
+    clear(static_cast<size_t>(w) * h * kFilmChannels, &sums);
+    if (with_aovs) clear(static_cast<size_t>(w) * h * kAovChannels, &aovs);
   }
   size_t pixels() const { return static_cast<size_t>(width) * height; }
   void add(const Film& other) {
     if (other.width != width || other.height != height || other.aovs.size() != aovs.size())
       throw std::invalid_argument("film: only films of the same size and channels can be added");
-    for (size_t i = 0; i < sums.size(); ++i) sums[i] += other.sums[i];
-    for (size_t i = 0; i < aovs.size(); ++i) aovs[i] += other.aovs[i];
+    add_to(other.sums, &sums);
+    add_to(other.aovs, &aovs);
   }
 };
 
@@ -44,26 +68,30 @@ nb::object make_array(std::vector<T>&& values, std::initializer_list<size_t> sha
 
 nb::object film_mean(const Film& film) {
   std::vector<float> out(film.pixels() * 3);
-  for (size_t i = 0; i < film.pixels(); ++i) {
-    const double* s = film.sums.data() + i * kFilmChannels;
-    if (s[kWeight] == 0) continue;
-    for (size_t k = 0; k < 3; ++k)
-      out[3 * i + k] = static_cast<float>((s[kSumCoarse + k] + s[kSumFine + k]) / s[kWeight]);
-  }
+  in_parts(film.pixels(), [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const double* s = film.sums.data() + i * kFilmChannels;
+      if (s[kWeight] == 0) continue;
+      for (size_t k = 0; k < 3; ++k)
+        out[3 * i + k] = static_cast<float>((s[kSumCoarse + k] + s[kSumFine + k]) / s[kWeight]);
+    }
+  });
   return make_array(std::move(out), {film.height, film.width, 3});
 }
 
 // Estimated variance of the mean's luminance: sample variance over the number of samples.
 nb::object film_variance(const Film& film) {
   std::vector<float> out(film.pixels(), std::nanf(""));
-  for (size_t i = 0; i < film.pixels(); ++i) {
-    const double* s = film.sums.data() + i * kFilmChannels;
-    const double n = s[kWeight];
-    if (n < 2) continue;
-    const double mean = (0.2126 * (s[0] + s[3]) + 0.7152 * (s[1] + s[4]) + 0.0722 * (s[2] + s[5])) / n;
-    const double square = (s[kSquareCoarse] + s[kSquareFine]) / n;
-    out[i] = static_cast<float>(std::max(square - mean * mean, 0.0) / (n - 1));
-  }
+  in_parts(film.pixels(), [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const double* s = film.sums.data() + i * kFilmChannels;
+      const double n = s[kWeight];
+      if (n < 2) continue;
+      const double mean = (0.2126 * (s[0] + s[3]) + 0.7152 * (s[1] + s[4]) + 0.0722 * (s[2] + s[5])) / n;
+      const double square = (s[kSquareCoarse] + s[kSquareFine]) / n;
+      out[i] = static_cast<float>(std::max(square - mean * mean, 0.0) / (n - 1));
+    }
+  });
   return make_array(std::move(out), {film.height, film.width});
 }
 
@@ -92,15 +120,17 @@ nb::object film_aov(const Film& film, const std::string& name) {
 
 nb::dict film_state(const Film& film) {
   nb::dict d;
-  d["sums"] = make_array(std::vector<double>(film.sums), {film.height, film.width, size_t(kFilmChannels)});
+  d["sums"] = make_array(std::vector<double>(film.sums.begin(), film.sums.end()),
+                         {film.height, film.width, size_t(kFilmChannels)});
   if (!film.aovs.empty())
-    d["aovs"] = make_array(std::vector<double>(film.aovs), {film.height, film.width, size_t(kAovChannels)});
+    d["aovs"] = make_array(std::vector<double>(film.aovs.begin(), film.aovs.end()),
+                           {film.height, film.width, size_t(kAovChannels)});
   return d;
 }
 
 using Doubles = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-void load_channels(nb::handle array, const Film& film, size_t channels, std::vector<double>* to) {
+void load_channels(nb::handle array, const Film& film, size_t channels, Sums* to) {
   const auto a = nb::cast<Doubles>(array);
   if (a.shape(0) != film.height || a.shape(1) != film.width || a.shape(2) != channels)
     throw std::invalid_argument("film: state arrays of the wrong shape");

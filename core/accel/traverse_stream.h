@@ -48,9 +48,8 @@ class RayStream {
   }
   void prefetch(const GeometryView& g) const {
     const HostTarget target = e_.target();
-    const HostUnit* unit = g.host + target.place();
-    if (target.is_node() || target.kind() == HostKind::OneBlock || target.kind() == HostKind::TwoBlocks)
-      for (uint32_t i = 0; i < kBlockUnits; ++i) __builtin_prefetch(unit + i);
+    if (!target.is_node() && target.kind() != HostKind::OneBlock && target.kind() != HostKind::TwoBlocks) return;
+    for (uint32_t i = 0; i < kBlockUnits; ++i) __builtin_prefetch(g.host + target.place() + i);
   }
   // Returns false when the way has ended.
   __attribute__((always_inline)) bool step(const GeometryView& g) {

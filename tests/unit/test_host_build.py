@@ -1,4 +1,4 @@
-"""The host's tree builder: threads change nothing, qualities cost what they should, and hits are right in each of them."""
+"""The host's tree builder: threads change nothing, qualities cost what they should, and hits are right in each."""
 
 from __future__ import annotations
 
