@@ -132,7 +132,7 @@ def peer_ratios(results: Iterable[dict[str, Any]]) -> Iterator[str]:
     def measured(result: dict[str, Any]) -> tuple[Any, ...]:
         return tuple(json.dumps(result.get(name)) for name in ("scene", "detail", "size", "kind", "ray_threads"))
 
-    own = {measured(r): r for r in results if r["peer"] in ("destello", "destello rays", "destello rays, 1 thread")}
+    own = {measured(r): r for r in results if r["peer"] in ("destello", "destello rays", "destello rays (1 thread)")}
     for r in results:
         figure = "Msamples_s" if "Msamples_s" in r else "Mrays_s"
         name = r["scene"] if r["detail"] == 1 else f"{r['scene']}:{r['detail']:g}"

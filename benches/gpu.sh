@@ -10,9 +10,9 @@ python3 benches/render.py --device cuda:0 origin:1280x720:200 book1:1200x675:500
 python3 benches/render.py --device cuda:0 --execution fused --repeat 3 origin:1280x720:200 book1:1200x800:100 \
   cornell:600x600:200 | tee "$OUT/fused.json"
 sizes="mesh1m:0.001 mesh1m:0.01 mesh1m:0.1 mesh1m mesh1m:10"
-python3 benches/rays.py --device cuda --spp 8 $sizes >"$OUT/rays.json"
+python3 benches/rays.py --device cuda --spp 4 $sizes >"$OUT/rays.json"
 python3 benches/rays.py --device cuda --spp 8 --build high mesh1m >"$OUT/rays-high.json"
-python3 benches/build.py --device cuda --build fast,balanced,high $sizes terrain >"$OUT/build.json"
+python3 benches/build.py --device cuda --build fast,balanced,high --repeat 2 $sizes >"$OUT/build.json"
 python3 -m destello bench --device cuda --json "$OUT/bench.json"
 python3 -m pytest -q -m cuda -p no:cacheprovider -W error tests --ignore=tests/io/fuzz -rP --maxfail=20 2>&1 | grep -v "^$" | tail -60 | tee "$OUT/tests.txt"
 for tool in memcheck racecheck; do

@@ -46,7 +46,7 @@ RENDERERS = {
     "cuda": ("destello", "destello mis", "mitsuba:cuda_ad_rgb"),
 }
 TRACERS = {
-    "cpu": ("destello rays", "destello rays, 1 thread", "embreex", "warp:sah"),
+    "cpu": ("destello rays", "destello rays (1 thread)", "embreex", "warp:sah"),
     "cuda": ("destello rays", "warp:cubql", "warp:sah", "warp:lbvh"),
 }
 NOT_SAMPLED_BY_ITSELF = ("constant", "gradient")  # skies towards which destello sends no shadow rays

@@ -207,7 +207,7 @@ def test_peers_that_are_missing_are_named_and_left_out(monkeypatch, capsys):
     assert run("peers", "mesh1").returncode == 2
 
 
-@pytest.mark.parametrize("peer", ["destello", "destello rays", "destello rays, 1 thread"])
+@pytest.mark.parametrize("peer", ["destello", "destello rays", "destello rays (1 thread)"])
 def test_a_peer_measures_in_a_process_of_its_own(peer, tmp_path):
     options = ["--spp", 2, "--repeat", 1, "--rays", tmp_path, "--pictures", tmp_path / "pictures"]
     done = run("peers", "--child", peer, *options, "interior:0.01:8x6")
