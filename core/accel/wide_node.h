@@ -122,8 +122,12 @@ struct NodeGrid {
     }
   }
   // The grid's planes on either side of x, with the slack that Node8 promises.
-  DST_HD uint8_t below(int axis, float x) const { return plane(floorf(place(axis, x) - kSlack)); }
-  DST_HD uint8_t above(int axis, float x) const { return plane(ceilf(place(axis, x) + kSlack)); }
+  DST_HD uint8_t below(int axis, float x) const { return plane(place(axis, x) - kSlack); }
+  DST_HD uint8_t above(int axis, float x) const {
+    const float y = clamp(place(axis, x) + kSlack, 0.0f, 255.0f);
+    const uint8_t low = plane(y);
+    return static_cast<uint8_t>(low + (static_cast<float>(low) < y ? 1 : 0));
+  }
 
   DST_HD void write_to(Node8* node) const {
     node->origin = {origin[0], origin[1], origin[2]};
@@ -143,6 +147,7 @@ struct NodeGrid {
   DST_HD float place(int axis, float x) const {
     return (x - origin[axis]) * bits_to_float((254u - exponent[axis]) << 23);
   }
+  // The plane at or below x.
   DST_HD static uint8_t plane(float x) { return static_cast<uint8_t>(clamp(x, 0.0f, 255.0f)); }
 };
 
