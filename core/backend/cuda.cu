@@ -96,12 +96,14 @@ class CudaBackend final : public Backend {
     while (p->task.first_sample < last && !cancel.load()) {
       p->task.last_sample = last - p->task.first_sample > slice ? p->task.first_sample + slice : last;
       const auto start = std::chrono::steady_clock::now();
-      const KernelCounts n = launch(p);
+      Wave wave;
+      const KernelCounts n = launch(p, &wave);
       const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       total.rays += n.rays;
       total.samples += n.samples;
       total.nonfinite += n.nonfinite;
       total.device_seconds += seconds;
+      if (wave.paths > total.paths) total.paths = wave.paths, total.path_bytes = wave.path_bytes;
       p->task.first_sample = p->task.last_sample;
       const double grow = std::min(kSliceSeconds / std::max(seconds, 1e-6), 64.0);
       slice = static_cast<uint32_t>(std::clamp(slice * grow / kUnitSamples, 1.0, 65536.0)) * kUnitSamples;
@@ -109,7 +111,13 @@ class CudaBackend final : public Backend {
     return total;
   }
 
-  KernelCounts launch(KernelParams* p) const {
+  // The paths that were under way at once, and the bytes of the chip that each of them took.
+  struct Wave {
+    uint64_t paths = 0;
+    size_t path_bytes = 0;
+  };
+
+  KernelCounts launch(KernelParams* p, Wave* wave) const {
     static std::array<std::mutex, 64> one_at_a_time;  // for each device: kernel_params_memory is the device's
     const std::lock_guard<std::mutex> lock(one_at_a_time.at(static_cast<size_t>(device_)));
     check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
@@ -117,11 +125,13 @@ class CudaBackend final : public Backend {
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
     if (use_queues(*p)) {
       p->items = tiles * ((samples + kUnitSamples - 1) / kUnitSamples);
-      launch_queues(*p);
+      *wave = launch_queues(*p);
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
-      launch_kernel(p->film.aovs != nullptr ? fused_kernel<true> : fused_kernel<false>, *p, kFusedThreads, 0,
-                    (p->items + kFusedThreads - 1) / kFusedThreads);
+      const auto kernel = p->film.aovs != nullptr ? fused_kernel<true> : fused_kernel<false>;
+      const uint64_t blocks =
+          launch_kernel(kernel, *p, kFusedThreads, 0, (p->items + kFusedThreads - 1) / kFusedThreads);
+      *wave = {blocks * kFusedThreads, sizeof(Path) + sizeof(Hit) + kFilmChannels * sizeof(double)};
     }
     KernelCounts n;
     check_cuda(cudaMemcpy(&n, counts_.data(), sizeof(n), cudaMemcpyDeviceToHost), "render");
@@ -141,29 +151,28 @@ class CudaBackend final : public Backend {
            !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
   }
 
-  void launch_queues(const KernelParams& p) const {
+  Wave launch_queues(const KernelParams& p) const {
     if (!p.scene.simple) return launch_queues_as<true, false, LeafKind::Any>(p);
     const bool shadows = lights_are_sampled(p);
     if (scene_->leaf_kind() == LeafKind::Spheres) return launch_queues_with<LeafKind::Spheres>(p, shadows);
     if (scene_->leaf_kind() == LeafKind::Triangles) return launch_queues_with<LeafKind::Triangles>(p, shadows);
-    launch_queues_with<LeafKind::Any>(p, shadows);
+    return launch_queues_with<LeafKind::Any>(p, shadows);
   }
   template <LeafKind kLeaves>
-  void launch_queues_with(const KernelParams& p, bool shadows) const {
-    if (shadows) {
-      launch_queues_as<true, true, kLeaves>(p);
-    } else {
-      launch_queues_as<false, true, kLeaves>(p);
-    }
+  Wave launch_queues_with(const KernelParams& p, bool shadows) const {
+    return shadows ? launch_queues_as<true, true, kLeaves>(p) : launch_queues_as<false, true, kLeaves>(p);
   }
   template <bool kShadows, bool kSimple, LeafKind kLeaves>
-  void launch_queues_as(const KernelParams& p) const {
-    launch_kernel(queue_kernel<kShadows, kSimple, kLeaves>, p, QueueBlock<kShadows, kSimple, kLeaves>::kThreads,
-                  queue_memory<kShadows, kLeaves>(architecture_), p.items);
+  Wave launch_queues_as(const KernelParams& p) const {
+    const QueueNeeds needs = queue_needs<kShadows, kLeaves>(architecture_);
+    const uint64_t blocks = launch_kernel(queue_kernel<kShadows, kSimple, kLeaves>, p,
+                                          QueueBlock<kShadows, kSimple, kLeaves>::kThreads, needs.memory, p.items);
+    return {blocks * needs.paths, needs.path_bytes};
   }
 
-  // As many blocks as the device holds at once, but no more than have something to do.
-  void launch_kernel(void (*kernel)(), const KernelParams& p, uint32_t threads, size_t memory, uint64_t wanted) const {
+  // As many blocks as the device holds at once, but no more than have something to do. Returns their number.
+  uint64_t launch_kernel(void (*kernel)(), const KernelParams& p, uint32_t threads, size_t memory,
+                         uint64_t wanted) const {
     check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(memory)),
                "ask for shared memory");
     int resident = 0;
@@ -171,8 +180,10 @@ class CudaBackend final : public Backend {
                "ask for the occupancy");
     const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors_);
     check_cuda(cudaMemcpyToSymbol(kernel_params_memory, &p, sizeof(p)), "set the kernel's parameters");
-    kernel<<<static_cast<unsigned>(std::min(wanted, fitting)), threads, memory>>>();
+    const uint64_t blocks = std::min(wanted, fitting);
+    kernel<<<static_cast<unsigned>(blocks), threads, memory>>>();
     check_cuda(cudaGetLastError(), "launch the render kernel");
+    return blocks;
   }
 
   void reserve(size_t pixels, bool aovs) {

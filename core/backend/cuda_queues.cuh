@@ -62,12 +62,22 @@ struct QueueLayout {
   static_assert(kMemory <= kBudget && kSlots <= kShadowBit);
 };
 
-// Bytes of shared memory that a block asks for, in code compiled for an architecture.
+// What a block asks for, in code compiled for an architecture: bytes of shared memory, and the paths that they hold.
+struct QueueNeeds {
+  size_t memory;
+  uint32_t paths;
+  size_t path_bytes;
+
+  template <class Layout>
+  static QueueNeeds of() {
+    return {Layout::kMemory, Layout::kSlots, Layout::kSlotBytes + Layout::kListBytes};
+  }
+};
 template <bool kShadows, LeafKind kLeaves>
-size_t queue_memory(uint32_t architecture) {
-  return architecture >= 900   ? QueueLayout<kShadows, kLeaves, 900>::kMemory
-         : architecture >= 800 ? QueueLayout<kShadows, kLeaves, 800>::kMemory
-                               : QueueLayout<kShadows, kLeaves, 750>::kMemory;
+QueueNeeds queue_needs(uint32_t architecture) {
+  return architecture >= 900   ? QueueNeeds::of<QueueLayout<kShadows, kLeaves, 900>>()
+         : architecture >= 800 ? QueueNeeds::of<QueueLayout<kShadows, kLeaves, 800>>()
+                               : QueueNeeds::of<QueueLayout<kShadows, kLeaves, 750>>();
 }
 
 #if defined(__CUDA_ARCH__)
