@@ -88,7 +88,8 @@ def plot_builds(entries: list[dict[str, Any]], folder: Path) -> None:
                 style = {"color": f"C{number}", "linestyle": _LINES[quality], "marker": "o", "markersize": 4}
                 points = zip(*found[device, quality], strict=True)
                 axes.plot(*points, label=f"{labels[device]}, {quality}", **style)
-    axes.legend(frameon=False)
+    made.set_figheight(5.4)
+    made.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     save(made, folder / "build.svg")
 
 
