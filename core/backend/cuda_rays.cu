@@ -1,4 +1,5 @@
 // Rays without shading: the traversal alone, as benchmarks measure it.
+#include "accel/cuda_timer.cuh"
 #include "accel/traversal.h"
 #include "backend/backend.h"
 #include "backend/device_scene.cuh"
@@ -58,32 +59,6 @@ void launch(const GeometryView& g, const DeviceBuffer<Ray>& rays, const DeviceBu
   check_cuda(cudaGetLastError(), "launch the ray kernel");
 }
 
-class Stopwatch {
- public:
-  Stopwatch() {
-    check_cuda(cudaEventCreate(&begin_), "create an event");
-    check_cuda(cudaEventCreate(&end_), "create an event");
-  }
-  ~Stopwatch() {
-    cudaEventDestroy(begin_);
-    cudaEventDestroy(end_);
-  }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
-  void start() { check_cuda(cudaEventRecord(begin_), "record an event"); }
-  double stop() {
-    check_cuda(cudaEventRecord(end_), "record an event");
-    check_cuda(cudaEventSynchronize(end_), "trace rays");
-    float milliseconds = 0;
-    check_cuda(cudaEventElapsedTime(&milliseconds, begin_, end_), "read the time");
-    return static_cast<double>(milliseconds) * 1e-3;
-  }
-
- private:
-  cudaEvent_t begin_{}, end_{};
-};
-
 }  // namespace
 
 std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::vector<Ray>& rays, bool any,
@@ -97,11 +72,10 @@ std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::v
   const DeviceBuffer<Hit> device_hits(rays.size());
   const DeviceBuffer<uint32_t> next(1);
   const GeometryView& g = on_device.view().geometry;
-  Stopwatch watch;
   std::vector<double> seconds;
   for (uint32_t i = 0; i < repeat; ++i) {
     check_cuda(cudaMemset(next.data(), 0, sizeof(uint32_t)), "clear the counter");
-    watch.start();
+    CudaTimer timer;
     switch (on_device.leaf_kind()) {
       case LeafKind::Spheres: launch<LeafKind::Spheres>(g, device_rays, device_hits, any, next, multiprocessors); break;
       case LeafKind::Triangles:
@@ -109,7 +83,7 @@ std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::v
         break;
       case LeafKind::Any: launch<LeafKind::Any>(g, device_rays, device_hits, any, next, multiprocessors); break;
     }
-    seconds.push_back(watch.stop());
+    seconds.push_back(timer.seconds());
   }
   hits->resize(rays.size());
   if (!rays.empty())
