@@ -112,7 +112,8 @@ void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrim
   });
   for (uint32_t part = 0; part < parts; ++part) {
     if (start[part] + uint64_t{start[part + 1]} >= HostTarget::kLimit || leaves.size() >= HostTarget::kLimit)
-      throw std::length_error("a scene of " + std::to_string(leaves.size()) + " primitives is too large for the CPU");
+      throw std::length_error("a scene of " + std::to_string(leaves.size()) +
+                              " primitives is too large: its tree for the host has more parts than 29 bits can number");
     start[part + 1] += start[part];
   }
   units->resize(start[parts]);

@@ -230,7 +230,8 @@ class QueueBlock {
         }
         if (busy == 0 && !__any_sync(0xffffffffu, active)) break;
       }
-      if (kKeepsRays && turns >= kLeastTurns && __popc(busy) <= static_cast<int>(kKeptLanes) && rays_given_out(count))
+      if (kKeepsRays && turns >= kLeastTurns && __popc(busy) <= static_cast<int>(kKeptLanes) &&
+          __any_sync(0xffffffffu, rays_given_out(count)))
         break;
 #pragma unroll
       for (uint32_t k = 0; k < kSteps; ++k)

@@ -57,7 +57,8 @@ class DeviceBuffer {
       check_cuda(cudaMemGetInfo(&free, &total), "ask for free memory");
       throw std::runtime_error("CUDA: out of memory: " + std::to_string(count * sizeof(T) >> 20) + " MiB wanted, " +
                                std::to_string(free >> 20) + " of " + std::to_string(total >> 20) +
-                               " MiB free; a smaller image (--size), smaller textures or --device cpu would fit");
+                               " MiB free; a smaller image (--size), smaller textures, a scene of fewer triangles or "
+                               "--device cpu would fit");
     }
     check_cuda(error, "allocate memory");
     device_memory().device.add(count * sizeof(T));

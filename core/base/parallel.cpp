@@ -6,6 +6,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -32,7 +33,11 @@ void parallel_for(uint32_t count, uint32_t threads, const std::function<void(uin
     }
   };
   std::vector<std::thread> others;
-  for (uint32_t i = 1; i < n; ++i) others.emplace_back(work);
+  try {
+    for (uint32_t i = 1; i < n; ++i) others.emplace_back(work);
+  } catch (const std::system_error&) {
+    // No more threads to be had: those there are do it all.
+  }
   work();
   for (std::thread& t : others) t.join();
   if (error) std::rethrow_exception(error);

@@ -29,6 +29,7 @@ struct SceneStats {
 struct SceneArrays {
   std::vector<Node8> nodes;
   std::vector<LeafPrimitive> leaves;
+  uint32_t world_first_leaf = 0;  // the groups' leaves come before it
   std::vector<Instance> instances;
   std::vector<TriangleVertices> moving;
   std::vector<SphereBlock> blocks;  // for the host's traversal
@@ -63,7 +64,7 @@ class Scene {
   const SceneStats& stats() const { return stats_; }
   const std::vector<AnyCamera>& cameras() const { return cameras_; }
   const Bounds& bounds() const { return bounds_; }
-  // What the leaves of all trees are.
+  // What the leaves of all trees are; Spheres only if there is no tree but the world's.
   LeafKind leaf_kind() const;
   // The interiors that hold point p at time 0.
   std::vector<uint32_t> interiors_at(Vec3 p) const;

@@ -104,6 +104,7 @@ void SceneBuilder::build_trees(const BuildOptions& options) {
     world.primitives.push_back(p);
     world.boxes.push_back(box);
   }
+  a.world_first_leaf = static_cast<uint32_t>(a.leaves.size());
   build_group(&world, options);
   a.nodes[0] = a.nodes[world.root];
   a.only_blocks = build_sphere_blocks(a.nodes, a.leaves, &a.blocks, &a.blocks_of_node);
@@ -301,9 +302,10 @@ LeafKind Scene::leaf_kind() const {
                        [&](const LeafPrimitive& p) { return p.kind() == kind; });
   };
   if (arrays_.leaves.empty()) return LeafKind::Any;
-  return all(PrimitiveKind::Sphere)     ? LeafKind::Spheres
-         : all(PrimitiveKind::Triangle) ? LeafKind::Triangles
-                                        : LeafKind::Any;
+  const bool world_alone = arrays_.world_first_leaf == 0;  // groups that nobody placed have leaves too
+  return world_alone && all(PrimitiveKind::Sphere) ? LeafKind::Spheres
+         : all(PrimitiveKind::Triangle)            ? LeafKind::Triangles
+                                                   : LeafKind::Any;
 }
 
 // Walks a straight line from p to infinity. An interior that is left without having been entered holds p.

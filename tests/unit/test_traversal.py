@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracing import (
+    METHODS,
     TREES,
     Geometry,
     affine,
@@ -70,6 +71,15 @@ def test_devices_find_what_brute_force_finds(make, rng):
     assert (~np.isclose(hits.t[both], brute.t[both], rtol=1e-4, atol=1e-4)).sum() <= 1e-3 * len(both)
     some = trace(scene, **rays, method="cuda:0", any_hit=True)
     assert (some.found != hits.found).mean() < 1e-3
+
+
+def test_spheres_of_groups_that_nobody_placed_are_not_there():
+    g = Geometry().spheres([(0, 0, 0)], [1])
+    g.spheres([(5, 0, 0)], [1], group=g.group())
+    scene = g.build()
+    for method in METHODS:
+        found = trace(scene, [(5, 0, 10), (0, 0, 10)], [(0, 0, -1)] * 2, method=method).found
+        assert list(found) == [False, True], method
 
 
 @pytest.mark.parametrize("n", [1, 7, 8, 9, 64, 500, 5000])
