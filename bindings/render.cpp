@@ -22,9 +22,7 @@ namespace {
 // Calls body(begin, end) for parts of 0 ... count - 1, on several threads if there are many parts.
 template <class Body>
 void in_parts(size_t count, const Body& body) {
-  constexpr size_t kPart = 1 << 17;
-  parallel_for(static_cast<uint32_t>((count + kPart - 1) / kPart), std::min(available_threads(), 4u),
-               [&](uint32_t part) { body(part * kPart, std::min((part + 1) * kPart, count)); });
+  parallel_ranges(count, 1 << 17, std::min(available_threads(), 4u), body);
 }
 
 using Sums = RawVector<double>;

@@ -3,11 +3,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "accel/sphere_tree.h"
@@ -15,6 +13,7 @@
 #include "accel/traverse_host.h"
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
+#include "base/parallel.h"
 #include "bindings/register.h"
 #include "bindings/testing_support.h"
 #include "scene/scene.h"
@@ -182,18 +181,10 @@ std::vector<double> time_rays(const Scene& scene, const Rows& origins, const Row
     throw std::invalid_argument("method: expected simd, packet, stream, baseline or, in a build with CUDA, cuda:0");
   std::vector<double> seconds;
   for (uint32_t i = 0; i < repeat; ++i) {
-    std::atomic<size_t> next{0};
-    const auto work = [&] {
-      constexpr size_t kPiece = 4096;
-      for (size_t first; (first = next.fetch_add(kPiece)) < rays.size();)
-        host->trace(&scene.view().geometry, rays.data() + first, hits.data() + first,
-                    std::min(kPiece, rays.size() - first), host->how);
-    };
     const auto start = std::chrono::steady_clock::now();
-    std::vector<std::thread> others;
-    for (uint32_t t = 1; t < threads; ++t) others.emplace_back(work);
-    work();
-    for (std::thread& t : others) t.join();
+    parallel_ranges(rays.size(), 4096, std::max(threads, 1u), [&](size_t begin, size_t end) {
+      host->trace(&scene.view().geometry, rays.data() + begin, hits.data() + begin, end - begin, host->how);
+    });
     seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
   return seconds;

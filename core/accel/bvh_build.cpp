@@ -17,7 +17,7 @@ Bounds transform_bounds(const Transform& t, const Bounds& b) {
 
 uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                    std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options) {
-  // The traversal stack takes an entry per level of the world's tree and of one group's, and two where they meet.
+  // The traversal stack takes an entry per level of the world's tree and of one group's, and three where they meet.
   constexpr uint32_t kMaxWideDepth = kTraversalStack / 2 - 2;
   const uint32_t root = static_cast<uint32_t>(nodes->size());
   *stats = {};

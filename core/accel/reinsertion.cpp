@@ -30,11 +30,9 @@ class Reinserter {
   void pass(uint32_t take) {
     const std::vector<uint32_t> candidates = largest(take);
     std::vector<Move> moves(candidates.size());
-    constexpr uint32_t kPart = 256;
-    const uint32_t n = static_cast<uint32_t>(candidates.size());
-    parallel_for((n + kPart - 1) / kPart, threads_, [&](uint32_t part) {
+    parallel_ranges(candidates.size(), 256, threads_, [&](size_t begin, size_t end) {
       std::vector<Entry> stack;
-      for (uint32_t i = part * kPart; i < std::min(n, (part + 1) * kPart); ++i) moves[i] = find(candidates[i], &stack);
+      for (size_t i = begin; i < end; ++i) moves[i] = find(candidates[i], &stack);
     });
     std::sort(moves.begin(), moves.end(),
               [](const Move& a, const Move& b) { return a.gain != b.gain ? a.gain > b.gain : a.node < b.node; });

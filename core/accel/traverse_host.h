@@ -1,5 +1,5 @@
 // Traversal for one ray at a time on a host core: children by distance, eight boxes, eight triangles or eight spheres at
-// once where the processor has AVX2. Twin of traverse_groups in bvh.h: a tree with the same leaves, the same hits.
+// once where the processor has AVX2. Twin of traverse_groups in traversal.h: a tree with the same leaves, the same hits.
 #pragma once
 
 #include "accel/host_node.h"

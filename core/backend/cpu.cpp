@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <thread>
 
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
@@ -34,10 +33,8 @@ class CpuBackend final : public Backend {
       }
       out->rays = n[0], out->samples = n[1], out->nonfinite = n[2];
     };
-    std::vector<std::thread> threads;
-    for (size_t i = 1; i < counts.size(); ++i) threads.emplace_back(work, &counts[i]);
-    work(&counts[0]);
-    for (std::thread& t : threads) t.join();
+    const uint32_t workers = static_cast<uint32_t>(counts.size());
+    parallel_for(workers, workers, [&](uint32_t i) { work(&counts[i]); });
     RenderCounts total;
     total.paths = counts.size() * kCpuBatch;
     total.path_bytes = sizeof(Path) + sizeof(Hit) + sizeof(SampleAovs);

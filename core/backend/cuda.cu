@@ -217,10 +217,8 @@ class CudaBackend final : public Backend {
   }
 
   static void add_piece(const double* piece, double* to, size_t pixels, uint32_t channels) {
-    constexpr size_t kPart = 4096;
-    const uint32_t parts = static_cast<uint32_t>((pixels + kPart - 1) / kPart);
-    parallel_for(parts, std::min(available_threads(), 4u), [&](uint32_t part) {
-      for (size_t i = part * kPart; i < std::min((part + 1) * kPart, pixels); ++i)
+    parallel_ranges(pixels, 4096, std::min(available_threads(), 4u), [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i)
         for (uint32_t k = 0; k < channels; ++k) to[i * channels + k] += piece[k * kPiece + i];
     });
   }

@@ -43,4 +43,9 @@ void parallel_for(uint32_t count, uint32_t threads, const std::function<void(uin
   if (error) std::rethrow_exception(error);
 }
 
+void parallel_ranges(size_t count, size_t piece, uint32_t threads, const std::function<void(size_t, size_t)>& body) {
+  parallel_for(static_cast<uint32_t>((count + piece - 1) / piece), threads,
+               [&](uint32_t i) { body(i * piece, std::min((i + 1) * piece, count)); });
+}
+
 }  // namespace destello

@@ -74,10 +74,8 @@ void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   const uint32_t first = static_cast<uint32_t>(a.leaves.size());
   group->root = build_tree(group->boxes, first, &a.nodes, &order, &stats, options);
   a.leaves.resize(first + order.size());
-  constexpr uint32_t kPart = 16384;
-  parallel_for(static_cast<uint32_t>((order.size() + kPart - 1) / kPart), options.threads, [&](uint32_t part) {
-    for (size_t i = size_t{part} * kPart; i < std::min(order.size(), (size_t{part} + 1) * kPart); ++i)
-      a.leaves[first + i] = group->primitives[order[i]];
+  parallel_ranges(order.size(), 16384, options.threads, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) a.leaves[first + i] = group->primitives[order[i]];
   });
   for (const Bounds& b : group->boxes) group->bounds.grow(b);
   if (group == groups_.data()) scene_->stats_.world = stats;
