@@ -118,6 +118,8 @@ class _Reader:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = None if mark is None else mark.line + 1
+            if "nesting depth" in (error.problem or ""):  # newer libyaml looks itself, while reading ahead
+                raise FormatError("nested too deeply", line=line, expected=f"at most {DEEPEST} levels") from None
             raise FormatError(f"broken YAML: {error.problem or error.context}", line=line, expected="YAML") from error
         except (yaml.YAMLError, UnicodeError) as error:
             raise FormatError(f"broken YAML: {str(error).splitlines()[0]}", expected="YAML") from error
