@@ -132,27 +132,6 @@ def test_a_device_as_output():
     assert Path("/dev/null").is_char_device()
 
 
-def test_look_options():
-    run("render", "cornell", *SMALL, "-q", "-o", "a.png", "--exposure", "1", "--tone", "neutral", "--curve", "gamma2.2")
-    image = dl.render("cornell", size=(24, 16), spp=4, progress=False)
-    expected = image.to_uint8(exposure=1, tone="neutral", curve="gamma2.2")
-    raw = dl.Image.load("a.png", curve="linear").array * 255
-    assert np.array_equal(np.rint(raw), expected)
-
-
-def test_graded_look():
-    size = [*SMALL, "-q"]
-    look = ["--exposure", "f/2,1/2s,iso400,+1", "--white-balance", "3200,5", "--working-space", "acescg"]
-    done = run("render", "cornell", *size, "-o", "a.png", *look, "--ocio-view", "Un-tone-mapped")
-    assert done.exit_code == 0, done.stderr
-    image = dl.render("cornell", size=(24, 16), spp=4, progress=False, working_space="acescg")
-    stops = dl.color.exposure_of_camera(f_number=2, exposure_time=0.5, iso=400) + 1
-    balance = dl.color.WhiteBalance(3200, 5)
-    expected = image.to_uint8(exposure=stops, white_balance=balance, view=dl.color.View(view="Un-tone-mapped"))
-    assert np.array_equal(np.rint(dl.Image.load("a.png", curve="linear").array * 255), expected)
-    assert np.ptp(expected) > 50
-
-
 def test_crop_samples_filter_camera_and_limits():
     done = run(
         "render", "cornell", "--size", "24x16", "--crop", "2:10,3:9", "--samples", "2:5", "--camera", "default",
@@ -304,19 +283,7 @@ def test_resume_twice_gives_the_bits_of_one_run():
         (["cornell", "--filter", "sinc"], "'sinc'"),
         (["cornell", "--filter", "gaussian:sigma=wide"], "--filter: wrong value"),
         (["cornell", "--filter", "gaussian:width=1"], "width"),
-        (["cornell", "--tone", "film"], "unknown tone curve: 'film'"),
-        (["cornell", "--curve", "log"], "unknown transfer curve: 'log'"),
-        (["cornell", "--exposure", "nan"], "wrong exposure"),
-        (["cornell", "--exposure", "f/8"], "half a camera's exposure"),
-        (["cornell", "--exposure", "bright"], "wrong exposure: 'bright'"),
-        (["cornell", "--white-balance", "warm"], "--white-balance: wrong value: 'warm'"),
-        (["cornell", "--white-balance", "90"], "wrong temperature"),
-        (["cornell", "--ocio-view", "AgX"], "unknown view: 'AgX'"),
-        (["cornell", "--ocio-config", "none.ocio"], "no such OpenColorIO configuration"),
-        (["cornell", "--ocio-view", "Raw", "--tone", "agx"], "its own tone"),
-        (["cornell", "--working-space", "srgb"], "working_space"),
         (["cornell", "--bits", "12"], "no such bits a channel: 12 (accepted: 8 or 16)"),
-        (["cornell", "-o", "a.exr", "--tone", "agx"], "linear radiance"),
         (["cornell", "--p3"], "P3"),
         (["cornell", "--aov", "depth"], "--aov needs layers"),
         (["cornell", "-o", "a.exr", "--aov", "height"], "unknown layer: 'height'"),
