@@ -5,6 +5,8 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "bindings/params.h"
@@ -126,6 +128,36 @@ uint32_t add_material(SceneBuilder& b, const std::string& type, const nb::dict& 
   return b.add_material(tag, slots, to_slots<SurfaceParams>(params), first, second);
 }
 
+using Voxels = nb::ndarray<nb::ro, nb::ndim<4>, nb::c_contig, nb::device::cpu>;
+
+VoxelSource to_voxels(const std::optional<Voxels>& a, const Voxels& like) {
+  VoxelSource s;
+  if (!a) return s;
+  for (size_t k = 0; k < 3; ++k)
+    if (a->shape(k) != like.shape(k)) throw std::invalid_argument("voxels: expected arrays of one size");
+  s.data = a->data();
+  s.channels = static_cast<uint32_t>(a->shape(3));
+  if (a->dtype() == nb::dtype<uint8_t>()) {
+    s.format = VoxelFormat::U8;
+  } else if (a->dtype() == nb::dtype<float>()) {
+    s.format = VoxelFormat::F32;
+  } else if (a->dtype() == nb::dlpack::dtype{static_cast<uint8_t>(nb::dlpack::dtype_code::Float), 16, 1}) {
+    s.format = VoxelFormat::F16;
+  } else {
+    throw std::invalid_argument("voxels: expected values of type uint8, float16 or float32");
+  }
+  return s;
+}
+
+uint32_t add_grid(SceneBuilder& b, const Voxels& density, const nb::object& transform, const std::optional<Voxels>& albedo,
+                  const std::optional<Voxels>& emission) {
+  std::array<uint32_t, 3> size;
+  for (size_t k = 0; k < 3; ++k)
+    size[k] = static_cast<uint32_t>(std::min<size_t>(density.shape(2 - k), 0xffffffffU));
+  return b.add_grid(size, to_transform(transform), to_voxels(density, density), to_voxels(albedo, density),
+                    to_voxels(emission, density));
+}
+
 nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indices, const std::optional<Rows3>& normals,
                    const std::optional<Rows2>& uvs, const std::optional<Rows4>& colors,
                    const std::optional<Rows3>& positions1, const std::optional<Rows3>& normals1) {
@@ -164,6 +196,7 @@ nb::dict stats(const Scene& scene) {
   d["triangles"] = s.triangles, d["spheres"] = s.spheres, d["instances"] = s.instances, d["lights"] = s.lights;
   d["materials"] = s.materials, d["textures"] = s.textures, d["dropped"] = s.dropped;
   d["geometry_bytes"] = s.geometry_bytes, d["bvh_bytes"] = s.bvh_bytes, d["texture_bytes"] = s.texture_bytes;
+  d["volume_bytes"] = s.volume_bytes;
   d["host_bytes"] = s.host_bytes;
   d["build_seconds"] = s.build_seconds, d["bvh_nodes"] = scene.arrays().nodes.size();
   d["bvh_depth"] = s.world.depth, d["sah_cost"] = s.world.sah_cost;
@@ -204,6 +237,9 @@ void register_scene(nb::module_& m) {
            nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none())
       .def("add_texture", &add_texture, nb::arg("type"), nb::arg("params"))
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
+      .def("add_grid", &add_grid, nb::arg("density"), nb::arg("transform"), nb::arg("albedo") = nb::none(),
+           nb::arg("emission") = nb::none(), "Voxels (z, y, x, channels) that fill the unit cube of the transform.")
+      .def("set_medium_grid", &SceneBuilder::set_medium_grid, nb::arg("material"), nb::arg("grid"))
       .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),
            nb::arg("uvs") = nb::none(), nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(),
            nb::arg("normals1") = nb::none())

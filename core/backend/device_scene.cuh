@@ -32,6 +32,9 @@ class DeviceScene {
     view_.objects.data = keep(&objects_, a.objects);
     view_.materials.data = keep(&materials_, a.materials);
     view_.interiors.data = keep(&interiors_, a.interiors);
+    view_.grids.grids.data = keep(&grids_, a.grids);
+    view_.grids.voxels = keep(&voxels_, a.voxels);
+    view_.grids.majorants = keep(&majorants_, a.majorants);
     view_.textures.textures.data = keep(&textures_, a.textures);
     view_.textures.slots.data = keep(&slots_, a.slots);
     view_.textures.images.data = keep(&images_, a.images);
@@ -77,8 +80,9 @@ class DeviceScene {
   DeviceBuffer<TextureRecord> textures_;
   DeviceBuffer<Slot> slots_;
   DeviceBuffer<Image> images_;
-  DeviceBuffer<unsigned char> texels_;
-  DeviceBuffer<float> srgb_table_, environment_marginal_, environment_conditional_;
+  DeviceBuffer<Grid> grids_;
+  DeviceBuffer<unsigned char> texels_, voxels_;
+  DeviceBuffer<float> majorants_, srgb_table_, environment_marginal_, environment_conditional_;
   DeviceBuffer<AnyLight> punctual_;
   DeviceBuffer<AreaLight> area_lights_;
   DeviceBuffer<AliasEntry> all_lights_, auto_lights_;

@@ -60,6 +60,16 @@ DST_FN DST_COLD DST_HOT Vec2 sobol_2d(uint32_t key, uint32_t reversed_index, uin
           to_unit_float(reverse_bits(owen_scramble_reversed(sobol_y_reversed(i), seed_y)))};
 }
 
+// As many numbers as it takes, where nobody knows beforehand how many: number i is a hash of (seed, pixel, sample index,
+// dimension, i). They are independent, not evenly spread.
+struct HashStream {
+  uint32_t state = 0;
+  DST_HD float next() {
+    state += 0x9e3779b9U;
+    return to_unit_float(hash32(state));
+  }
+};
+
 struct Sampler {
   uint32_t key = 0;             // hash of (seed, pixel)
   uint32_t reversed_index = 0;  // sample index, bits reversed
@@ -72,6 +82,10 @@ struct Sampler {
   DST_HD DST_HOT float get_1d(uint32_t dimension) const { return sobol_1d(key, reversed_index, dimension); }
   // A point in [0, 1)^2. It takes one dimension number, from the same space as get_1d's: never use one number for both.
   DST_HD DST_HOT Vec2 get_2d(uint32_t dimension) const { return sobol_2d(key, reversed_index, dimension); }
+  // A stream beside that dimension's own number, which may be used as well.
+  DST_HD HashStream stream(uint32_t dimension) const {
+    return {hash_combine(hash_combine(hash32(key), dimension), reversed_index)};
+  }
 };
 
 }  // namespace destello

@@ -212,7 +212,9 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     hit.t = ray.t_max;
     Tracer::closest(scene.geometry, ray, &hit);
     const uint32_t current = inside.current(scene.interiors);
-    if (current != kNoIndex) left *= scene.interiors[current].medium.transmittance(hit.t);
+    if (current != kNoIndex)
+      left *= transmittance_within(scene, scene.interiors[current], ray, hit.t, sampler,
+                                   dimension + step * kBounceDimensions + (kDimDistance - kDimMix));
     if (!hit.found() || is_black(left)) return left;
     const Surface s = make_surface(scene, ray, hit);
     const TextureContext context = texture_context(s);

@@ -45,6 +45,36 @@ DST_FN void roulette(const RenderSettings& settings, Path* path) {
   }
 }
 
+// Takes the path to the next collision in what it is in, or through it to `end` metres from here: its throughput is then that
+// of the collision, or of the end. Radiance that the medium emits is gathered.
+DST_FN Flight fly(const SceneView& scene, const Interior& interior, float end, Path* path) {
+  const uint32_t dimension = bounce_dimension(*path, kDimDistance);
+  const Medium& medium = interior.medium;
+  if (interior.grid == kNoIndex) {
+    const Flight f = medium.is_grey() ? medium.fly_grey(path->sampler.get_1d(dimension), end)
+                                      : medium.fly(abs(path->throughput), path->sampler.get_2d(dimension), end);
+    path->throughput *= f.weight;
+    return f;
+  }
+  Ray way = path->ray;
+  way.t_max = end;
+  const GridFlight f =
+      fly_through_grid(medium, scene.grids.grids[interior.grid], scene.grids, way, path->throughput,
+                       path->sampler.get_1d(dimension), path->sampler.stream(dimension));
+  path->radiance += f.emitted;
+  path->throughput = f.carried;
+  return {f.distance, Vec3(1), f.collides};
+}
+
+// What a shadow ray keeps over its first `end` metres in an interior. `dimension`: of its random numbers.
+DST_FN Vec3 transmittance_within(const SceneView& scene, const Interior& interior, Ray ray, float end,
+                                 const Sampler& sampler, uint32_t dimension) {
+  if (interior.grid == kNoIndex || interior.medium.is_vacuum()) return interior.medium.transmittance(end);
+  ray.t_max = end;
+  return grid_transmittance(interior.medium, scene.grids.grids[interior.grid], scene.grids, ray,
+                            sampler.get_1d(dimension), sampler.stream(dimension));
+}
+
 // A collision inside the medium that the path is in, if one comes before the hit; else only what the way absorbs.
 // Returns true if the path has scattered (or ended): shade is then done.
 DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSettings& settings, float t_hit, Path* path,
@@ -53,10 +83,11 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
   if (current == kNoIndex) return false;
   const Medium& medium = scene.interiors[current].medium;
   if (medium.is_vacuum()) return false;
-  const uint32_t dimension = bounce_dimension(*path, kDimDistance);
-  const Flight flight = medium.is_grey() ? medium.fly_grey(path->sampler.get_1d(dimension), t_hit)
-                                         : medium.fly(abs(path->throughput), path->sampler.get_2d(dimension), t_hit);
-  path->throughput *= flight.weight;
+  const Flight flight = fly(scene, scene.interiors[current], t_hit, path);
+  if (is_black(path->throughput)) {
+    path->alive = false;
+    return true;
+  }
   if (!flight.collides) return false;
   if (path->depth >= settings.max_depth) {
     path->alive = false;

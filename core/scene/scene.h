@@ -1,6 +1,7 @@
 // The scene on the host: a builder that collects and checks, and the finished scene that owns what SceneView points to.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,7 +20,7 @@ namespace destello {
 struct SceneStats {
   uint64_t triangles = 0, spheres = 0, instances = 0, lights = 0, materials = 0, textures = 0;
   uint64_t dropped = 0;  // degenerate triangles
-  uint64_t geometry_bytes = 0, bvh_bytes = 0, texture_bytes = 0;
+  uint64_t geometry_bytes = 0, bvh_bytes = 0, texture_bytes = 0, volume_bytes = 0;
   uint64_t host_bytes = 0;   // what only the host's traversal reads
   double build_seconds = 0;  // of all trees
   BvhStats world;            // the world's own tree
@@ -44,6 +45,9 @@ struct SceneArrays {
   std::vector<Vec4> colors;
   std::vector<MaterialRecord> materials;
   std::vector<Interior> interiors;
+  std::vector<Grid> grids;
+  std::vector<unsigned char> voxels;
+  std::vector<float> majorants;
   std::vector<TextureRecord> textures;
   std::vector<Slot> slots;
   std::vector<Image> images;
@@ -91,6 +95,13 @@ struct MeshData {
   std::vector<Vec4> colors;  // linear
 };
 
+// Voxels as given, in the order of VoxelArray; 0 channels: none.
+struct VoxelSource {
+  const void* data = nullptr;
+  uint32_t channels = 0;
+  VoxelFormat format = VoxelFormat::F32;
+};
+
 // Collects a scene. Bad input raises std::invalid_argument with a message for the user; indices handed back number each
 // kind from 0. Group 0 is the world.
 class SceneBuilder {
@@ -102,6 +113,11 @@ class SceneBuilder {
   // `slots` in the order of the material's params, `surface` in that of SurfaceParams.
   uint32_t add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface,
                         uint32_t mix_first, uint32_t mix_second);
+  // `size` along x, y, z. The box [0, 1]^3 of to_world holds the voxels.
+  uint32_t add_grid(const std::array<uint32_t, 3>& size, const Transform& to_world, const VoxelSource& density,
+                    const VoxelSource& albedo, const VoxelSource& emission);
+  // Varies a material's medium by a grid.
+  void set_medium_grid(uint32_t material, uint32_t grid);
   uint32_t add_mesh(MeshData mesh, uint32_t* dropped);
   uint32_t add_group();
   void place_mesh(uint32_t group, uint32_t mesh, uint32_t material, const std::optional<Transform>& transform,
@@ -137,6 +153,7 @@ class SceneBuilder {
 
   void check_material(uint32_t material) const;
   void check_group(uint32_t group) const;
+  VoxelArray keep_voxels(const VoxelSource& source, uint64_t count);
   uint32_t add_slots(const std::vector<Slot>& slots, size_t expected);
   uint32_t add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform);
   uint32_t slot_flags(uint32_t first, size_t count) const;

@@ -38,6 +38,7 @@ std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.uvs.size() * sizeof(Vec2) +
                      a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
   s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
+  s.volume_bytes = a.voxels.size() + a.majorants.size() * sizeof(float);
   s.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return std::move(scene_);
 }
@@ -274,6 +275,7 @@ void SceneBuilder::make_view() {
   v.colors = a.colors.data();
   v.materials = span(a.materials);
   v.interiors = span(a.interiors);
+  v.grids = {span(a.grids), a.voxels.data(), a.majorants.data()};
   v.textures = {span(a.textures), span(a.slots), span(a.images), a.texels.data(), a.srgb_table.data()};
   v.punctual = span(a.punctual);
   v.suns = span(a.suns);

@@ -7,7 +7,7 @@
 #include "bsdf/materials.h"
 #include "light/environment.h"
 #include "light/lights.h"
-#include "medium/homogeneous.h"
+#include "medium/grid.h"
 #include "texture/textures.h"
 
 namespace destello {
@@ -43,6 +43,7 @@ enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurface
 // What a boundary encloses.
 struct Interior {
   Medium medium;
+  uint32_t grid = kNoIndex;  // what varies the medium's density; kNoIndex: nothing
   float ior = 1;  // at 587.56 nm
   float priority =
       0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
@@ -81,6 +82,7 @@ struct SceneView {
 
   Span<MaterialRecord> materials;
   Span<Interior> interiors;
+  GridData grids;
   TextureData textures;
 
   Span<AnyLight> punctual;

@@ -15,7 +15,19 @@ from typing import TYPE_CHECKING, Any
 from destello._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from destello import cameras, environments, errors, filters, io, lights, materials, scenes, shapes, textures
+    from destello import (
+        cameras,
+        environments,
+        errors,
+        filters,
+        io,
+        lights,
+        materials,
+        scenes,
+        shapes,
+        textures,
+        volumes,
+    )
     from destello.animation import Animation, keyframes
     from destello.errors import (
         DeviceError,
@@ -33,6 +45,7 @@ if TYPE_CHECKING:
     from destello.nodes import Node
     from destello.render import render
     from destello.scene import Group, Scene
+    from destello.spectrum import blackbody
     from destello.transform import Transform, look_at, matrix, rotate, scale, shear, translate
 
 # Public name: module it comes from; a name without one is a module itself.
@@ -52,6 +65,7 @@ _WHERE = {
     "Node": "nodes",
     "Scene": "scene",
     "Transform": "transform",
+    "blackbody": "spectrum",
     "keyframes": "animation",
     "load": "io",
     "look_at": "transform",
@@ -71,13 +85,14 @@ _WHERE = {
     "scenes": "",
     "shapes": "",
     "textures": "",
+    "volumes": "",
 }
 
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
-    "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "keyframes", "load",
+    "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "blackbody", "keyframes", "load",
     "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
-    "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
+    "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "volumes", "__version__",
 ]  # fmt: skip
 
 

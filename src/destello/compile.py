@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.assets import Assets
-from destello.compile_materials import ImageTable, MaterialCompiler, core_errors
+from destello.compile_materials import ImageTable, MaterialCompiler, core_errors, rows
 from destello.defaults import ensure_camera, ensure_light
 from destello.errors import Error, InputError, SceneError, did_you_mean
 from destello.fingerprint import HashingBuilder
@@ -321,8 +321,3 @@ class SceneCompiler:
 def label(place: str, node: Node) -> str:
     """A place with the node's name, if it has one."""
     return f"{place} ({node.name})" if node.name else place
-
-
-def rows(transform: Transform | None) -> NDArray[np.float32] | None:
-    """The upper three rows of the matrix, (3, 4) float32, as the core takes it."""
-    return None if transform is None else np.ascontiguousarray(transform.matrix[:3], dtype=np.float32)

@@ -6,17 +6,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from destello.assets import Assets
 from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.errors import RenderError, SceneError
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
+from destello.transform import Transform, scale, translate
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-    import numpy as np
     from numpy.typing import NDArray
 
 _NUMBERS = frozenset({"normal_map", "eta", "k", "subsurface_radius_scale"})  # by channel, in the guise of colours
@@ -111,6 +113,7 @@ class MaterialCompiler:
         self._assets = assets
         self._images = images
         self._materials: dict[Node, int] = {}
+        self._volumes: dict[Node, int] = {}
         self._textures: dict[tuple[Node, bool], int | None] = {}
         self._default: int | None = None
 
@@ -123,14 +126,30 @@ class MaterialCompiler:
         if node not in self._materials:
             where = f"{place} ({node.name})" if node.name else place
             if node.type == "mix":
-                params = self.params(node, where, skip=("first", "second"))
+                params = self.params(node, where, skip=("first", "second", "medium_volume"))
                 params["first"] = self.material(node["first"], f"{where}.first")
                 params["second"] = self.material(node["second"], f"{where}.second")
             else:
-                params = self.params(node, where)
+                params = self.params(node, where, skip=("medium_volume",))
+            volume = node["medium_volume"]
+            grid = None if volume is None else self.volume(volume, f"{where}.medium_volume")
             with core_errors(where):
                 self._materials[node] = self._builder.add_material(node.type, params)
+                if grid is not None:
+                    self._builder.set_medium_grid(self._materials[node], grid)
         return self._materials[node]
+
+    def volume(self, node: Node, place: str) -> int:
+        """The core's number of a volume."""
+        if node not in self._volumes:
+            low, high = node["min"], node["max"]
+            edges = [b - a for a, b in zip(low, high, strict=True)]
+            cube = (node["transform"] or Transform()) @ translate(*low) @ scale(*edges)
+            with core_errors(place):
+                self._volumes[node] = self._builder.add_grid(
+                    node["density"], rows(cube), albedo=node["albedo"], emission=emission_voxels(node)
+                )
+        return self._volumes[node]
 
     def params(self, node: Node, place: str, skip: tuple[str, ...] = (), *, colors: bool = True) -> dict[str, Any]:
         """The parameters of any node in the core's form, those in `skip` left out. `colors`: they are looked at."""
@@ -219,6 +238,25 @@ class MaterialCompiler:
         note = f"missing image {path}: replaced by {stand_in}"
         if note not in self._assets.notes:
             self._assets.notes.append(note)
+
+
+def rows(transform: Transform | None) -> NDArray[np.float32] | None:
+    """The upper three rows of the matrix, (3, 4) float32, as the core takes it."""
+    return None if transform is None else np.ascontiguousarray(transform.matrix[:3], dtype=np.float32)
+
+
+def emission_voxels(node: Node) -> NDArray[Any] | None:
+    """The radiance of a grid's voxels, scaled: (depth, height, width, 1 or 3); None if nothing glows."""
+    from destello.spectrum import blackbody_glow
+
+    emission, factor = node["emission"], node["emission_scale"]
+    if node["temperature"] is not None:
+        emission = blackbody_glow(node["temperature"][..., 0])
+    if emission is None or factor == 0:
+        return None
+    if emission.dtype.kind == "u":
+        emission = emission / np.float32(255)
+    return np.ascontiguousarray(emission * np.float32(factor), np.float32)
 
 
 def is_color(doc: ParamDoc) -> bool:

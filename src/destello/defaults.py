@@ -59,6 +59,9 @@ def ensure_light(scene: Scene, load_file: MeshLoader | None = None) -> None:
 def _glows(material: Node) -> bool:
     if material.type in _GLOWING:
         return True
+    volume = material.params.get("medium_volume")
+    if volume is not None and ("emission" in volume.params or "temperature" in volume.params):
+        return True
     emission = material.params.get("emission")
     if isinstance(emission, Node):  # a texture: the lamps on an instrument, unless it is brighter than any image
         return emission.type == "scaled" and max(emission["scale"]) > 1

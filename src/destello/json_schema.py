@@ -100,7 +100,7 @@ def _type(doc: TypeDoc) -> dict[str, Any]:
     params = _params(doc)
     params["properties"] = {"type": {"const": doc.type, "description": doc.doc}, **params["properties"]}
     params["properties"]["name"] = {"type": ["string", "null"], "description": "A label for people."}
-    arrays = [p.name for p in doc.params.values() if p.kind in ("array", "texels")]
+    arrays = [p.name for p in doc.params.values() if p.kind in ("array", "texels", "voxels")]
     if arrays:
         text = f"A .npz file beside the scene that holds arrays: {', '.join(arrays)}."
         params["properties"]["data"] = {"type": ["string", "null"], "description": text}
@@ -150,7 +150,7 @@ def _values(doc: ParamDoc) -> list[dict[str, Any]]:
         "animation": [_ref("animation")],
         "image": [_ref("texture")],
     }
-    if doc.kind in ("array", "texels"):
+    if doc.kind in ("array", "texels", "voxels"):
         return [_array(doc)]
     return simple.get(doc.kind) or [_ref(doc.kind)]
 
@@ -161,7 +161,7 @@ def _tuple(item: dict[str, Any], count: int) -> dict[str, Any]:
 
 def _array(doc: ParamDoc) -> dict[str, Any]:
     number = {"type": "integer", "minimum": 0} if doc.dtype == "uint32" else NUMBER
-    if doc.kind == "texels" or doc.columns == (0,):
+    if doc.kind in ("texels", "voxels") or doc.columns == (0,):
         return {"type": "array", "items": number}
     row = {"type": "array", "items": number, "minItems": min(doc.columns), "maxItems": max(doc.columns)}
     return {"type": "array", "items": row}

@@ -5,9 +5,30 @@ One function for each type that the core declares: ``dir()`` lists them, ``help(
 
 from __future__ import annotations
 
+from typing import Any
+
 from destello.factories import Factories
+from destello.nodes import Node
 
 _factories = Factories("material", __name__)
+
+
+def metal(metal: str, *, name: str | None = None, **params: Any) -> Node:
+    """A `conductor` with the measured colour of a metal.
+
+    Args:
+        metal: aluminium, brass, chrome, copper, gold, iron, nickel, silver or titanium (`destello.metals`).
+        name: label for people and scene files.
+        **params: of the conductor: roughness, anisotropy and what every material has.
+
+    Raises:
+        SceneError: for another metal, or if a value is not accepted.
+    """
+    from destello.metals import eta_k
+
+    eta, k = eta_k(metal)
+    return Node("material", "conductor", {"fresnel": "eta_k", "eta": eta, "k": k, **params}, name=name)
+
 
 __getattr__ = _factories.get
 __dir__ = _factories.names

@@ -169,8 +169,10 @@ def _check_together(kind: str, type_name: str, params: Mapping[str, Any]) -> Non
         raise SceneError(
             "cannot be scaled again", place="texture", value=params["texture"].type, expected="its own texture"
         )
-    if kind == "shape" and type_name == "box":
-        low, high = params["min"], params["max"]
+    if kind == "volume" and type_name == "grid":
+        _check_grid(params)
+    if (kind, type_name) in (("shape", "box"), ("volume", "grid")):
+        low, high = params.get("min", (0.0, 0.0, 0.0)), params.get("max", (1.0, 1.0, 1.0))
         if not all(a < b for a, b in zip(low, high, strict=True)):
             raise SceneError(
                 "the box is empty", place="max", value=high, expected=f"more than min {low} along every axis"
@@ -181,6 +183,15 @@ def _check_together(kind: str, type_name: str, params: Mapping[str, Any]) -> Non
         _check_animation(type_name, params)
     if "transform1" in params:
         _check_motion(params.get("transform"), params["transform1"])
+
+
+def _check_grid(params: Mapping[str, Any]) -> None:
+    size = params["density"].shape[:3]
+    for name in ("albedo", "emission", "temperature"):
+        if name in params and params[name].shape[:3] != size:
+            raise SceneError("arrays of different sizes", place=name, value=params[name].shape[:3], expected=f"{size}")
+    if "emission" in params and "temperature" in params:
+        raise SceneError("emission and temperature", place="temperature", expected="one of them")
 
 
 def _check_animation(type_name: str, params: Mapping[str, Any]) -> None:

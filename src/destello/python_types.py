@@ -109,6 +109,44 @@ _SHAPES = (
     ),
 )
 
+_CUBE = (
+    ParamDoc("min", "the corner of the box with the least coordinates", "vector", "m", default=(0.0, 0.0, 0.0)),
+    ParamDoc("max", "the corner of the box with the greatest coordinates", "vector", "m", default=(1.0, 1.0, 1.0)),
+    ParamDoc("transform", "from the box's own space to the world", "transform"),
+)
+_GLOW = ParamDoc(
+    "emission_scale",
+    "factor of the emission; with temperatures: the luminance of the hottest voxel's radiance",
+    "scalar",
+    default=1.0,
+    min=0,
+)
+
+
+def _voxels(name: str, doc: str, *channels: int, required: bool = False, unit: str = "") -> ParamDoc:
+    return ParamDoc(name, doc, "voxels", unit, required=required, columns=channels)
+
+
+_VOLUMES = (
+    _type(
+        "volume",
+        "grid",
+        "A box of voxels by which a medium varies. The first index is z, the last x; voxel i of n stands for (i + 1/2) / n of "
+        "the box. Outside of the box there is nothing.",
+        _voxels("density", "multiplies medium_density and medium_absorption; uint8 255 is 1", 1, required=True),
+        _voxels("albedo", "multiplies medium_albedo", 1, 3),
+        _voxels(
+            "emission",
+            "radiance with which an endless depth of the medium would shine, if it did not scatter: what absorbs, emits",
+            *(1, 3),
+            unit="W/(sr m^2)",
+        ),
+        _voxels("temperature", "instead of emission: temperatures, of black bodies", 1, unit="K"),
+        _GLOW,
+        *_CUBE,
+    ),
+)
+
 _CHANNELS = ("r", "g", "b", "a", "mean")
 _COLOR_SPACES = (
     *("auto", "srgb", "linear", "rec709", "rec2020", "linear_rec2020", "display_p3", "linear_p3"),
@@ -171,13 +209,16 @@ _MIX = (
 _IMAGE = (ParamDoc("image", "the image: a file's path, an array, or an image texture", "image", required=True),)
 
 # Types that only Python has.
-TYPES: tuple[TypeDoc, ...] = (*_SHAPES, *_TEXTURES)
+TYPES: tuple[TypeDoc, ...] = (*_SHAPES, *_TEXTURES, *_VOLUMES)
 # Those of them that the core also lists, by another shape: Python's hold.
 REPLACED = frozenset({"image", "scaled", "vertex_color"})
 # Parameters that Python adds in front of a core type's own.
 EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
+    "material": (
+        ParamDoc("medium_volume", "what varies the medium from place to place; it has a place in the world of its own", "volume"),
+    ),
     "light": (_TRANSFORM, _ANIMATION),
     "environment": (_TRANSFORM,),
     "camera": (_VIEW,),

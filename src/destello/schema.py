@@ -20,6 +20,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
     {
         "material": "materials",
         "texture": "textures",
+        "volume": "volumes",
         "shape": "shapes",
         "light": "lights",
         "environment": "environments",
@@ -37,13 +38,14 @@ class ParamDoc:
     Attributes:
         name, doc, unit: for people.
         kind: what values look like. From the core: scalar, color, vector, bool, enum. From Python: integer, numbers,
-            text, path, array, texels, transform, animation, texture, image, material, filter, group.
+            text, path, array, texels, voxels, transform, animation, texture, image, material, volume, filter, group.
         texturable: a texture may stand in place of the value.
         default: value if not given; None: nothing.
         required: must be given.
         min, max: accepted range of every component, ends included; None: no limit.
         choices: names that an enum accepts.
-        columns: for numbers, how many; for arrays, the accepted numbers of columns (0: one-dimensional).
+        columns: for numbers, how many; for arrays, the accepted numbers of columns (0: one-dimensional); for voxels, of
+            channels.
         dtype: for arrays, NumPy's name of the type kept.
     """
 
@@ -207,6 +209,7 @@ _FORMS = {
     "path": "the path of a file",
     "texels": "an array of shape (height, width, 1 to 4), uint8, uint16 or float32",
     "transform": "a transform",
+    "volume": "a volume",
     "animation": "transform words, some with keyframes",
     "texture": "a texture",
     "image": "an image texture",
@@ -224,6 +227,9 @@ def _form(doc: ParamDoc) -> str:
     if doc.kind == "array":
         shapes = " or ".join("(N,)" if c == 0 else f"(N, {c})" for c in doc.columns)
         return f"an array of shape {shapes}, {doc.dtype}"
+    if doc.kind == "voxels":
+        channels = " or ".join(str(c) for c in doc.columns)
+        return f"an array of shape (depth, height, width, {channels}), uint8, float16 or float32, at least 0"
     return _FORMS[doc.kind]
 
 

@@ -18,6 +18,7 @@ from destello.transform import Transform
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+MOST_VOXELS = 65536  # along an axis
 LARGEST = 3.4028234e38  # float32, which the core computes in
 
 
@@ -177,6 +178,24 @@ def _texels(doc: ParamDoc, value: Any) -> NDArray[Any]:
     return _keep(np.ascontiguousarray(array))
 
 
+def _voxels(doc: ParamDoc, value: Any) -> NDArray[Any]:
+    import numpy as np
+
+    array = _to_array(doc, value)
+    if array.ndim == 3:
+        array = array[..., np.newaxis]
+    if array.ndim != 4 or array.shape[3] not in doc.columns or not all(1 <= n <= MOST_VOXELS for n in array.shape[:3]):
+        raise wrong(doc, value, f"wrong shape {tuple(array.shape)}")
+    if array.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float16 if array.dtype == np.float16 else np.float32, copy=False)
+        if not (np.isfinite(array).all() and array.min() >= 0):
+            raise wrong(doc, value, "voxels that are negative or not finite")
+    elif array.dtype != np.uint8:
+        raise wrong(doc, value, f"wrong kind of voxels ({array.dtype})")
+    return _keep(np.ascontiguousarray(array))
+
+
 def _to_array(doc: ParamDoc, value: Any) -> NDArray[Any]:
     import numpy as np
 
@@ -220,11 +239,13 @@ _CHECKS: dict[str, Callable[[ParamDoc, Any], Any]] = {
     "path": _path,
     "array": _array,
     "texels": _texels,
+    "voxels": _voxels,
     "transform": _transform,
     "animation": _animation,
     "group": _group,
     "texture": _only_nodes,
     "image": _image,
     "material": _only_nodes,
+    "volume": _only_nodes,
     "filter": _only_nodes,
 }

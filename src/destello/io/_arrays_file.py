@@ -83,7 +83,7 @@ def _read(file: zipfile.ZipFile, info: zipfile.ZipInfo, path: Path) -> NDArray[A
     with file.open(info) as stream:
         shape, fortran, dtype = _header(stream)
         needed = math.prod(shape) * dtype.itemsize
-        if dtype.kind not in _KINDS or dtype.hasobject or needed > min(size, info.file_size) or len(shape) > 3:
+        if dtype.kind not in _KINDS or dtype.hasobject or needed > min(size, info.file_size) or len(shape) > 4:
             raise FormatError(
                 "an array of the wrong kind or size",
                 file=path,

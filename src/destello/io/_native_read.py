@@ -18,7 +18,7 @@ SECTIONS = (
     *("destello", "name", "camera", "cameras", "film", "render", "environment"),
     *("textures", "materials", "groups", "shapes", "lights"),
 )
-_NODE_KINDS = ("material", "texture", "image", "filter")  # parameters that are nodes
+_NODE_KINDS = ("material", "texture", "image", "filter", "volume")  # parameters that are nodes
 
 
 def read_scene(document: Any, files: ResolvedFiles) -> Scene:
@@ -189,7 +189,7 @@ class _Reader:
             except SceneError as error:
                 problems.append(error)
         if data.get("data") is not None:
-            arrays = {p.name for p in doc.params.values() if p.kind in ("array", "texels")}
+            arrays = {p.name for p in doc.params.values() if p.kind in ("array", "texels", "voxels")}
             params.update(self._arrays(data["data"], arrays, join_place(place, "data"), params))
         found = gather(problems) or known
         if found is not None:
