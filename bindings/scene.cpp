@@ -208,6 +208,13 @@ nb::dict stats(const Scene& scene) {
   return d;
 }
 
+void register_grids(nb::class_<SceneBuilder>& builder) {
+  builder
+      .def("add_grid", &add_grid, nb::arg("density"), nb::arg("transform"), nb::arg("albedo") = nb::none(),
+           nb::arg("emission") = nb::none(), "Voxels (z, y, x, channels) that fill the unit cube of the transform.")
+      .def("set_medium_grid", &SceneBuilder::set_medium_grid, nb::arg("material"), nb::arg("grid"));
+}
+
 void register_schema(nb::module_& m) {
   m.def(
       "schema",
@@ -231,15 +238,14 @@ void register_scene(nb::module_& m) {
   register_schema(m);
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
-  nb::class_<SceneBuilder>(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input raises ValueError.")
-      .def(nb::init<>())
+  nb::class_<SceneBuilder> builder(m, "SceneBuilder",
+                                   "Collects a scene; build() finishes it. Bad input raises ValueError.");
+  register_grids(builder);
+  builder.def(nb::init<>())
       .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
            nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none())
       .def("add_texture", &add_texture, nb::arg("type"), nb::arg("params"))
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
-      .def("add_grid", &add_grid, nb::arg("density"), nb::arg("transform"), nb::arg("albedo") = nb::none(),
-           nb::arg("emission") = nb::none(), "Voxels (z, y, x, channels) that fill the unit cube of the transform.")
-      .def("set_medium_grid", &SceneBuilder::set_medium_grid, nb::arg("material"), nb::arg("grid"))
       .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),
            nb::arg("uvs") = nb::none(), nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(),
            nb::arg("normals1") = nb::none())

@@ -146,6 +146,17 @@ def medium(extinction: ArrayLike, albedo: ArrayLike, g: float) -> Description:
     }  # fmt: skip
 
 
+def grid_medium(density: ArrayLike, to_world: Any, extinction: float, albedo: ArrayLike, g: float) -> Description:
+    """Voxels (z, y, x) in the unit cube of `to_world`. Mitsuba's grids are grey: one extinction for all colours."""
+    mi = mitsuba()
+    voxels = mi.VolumeGrid(np.ascontiguousarray(density, np.float32)[..., None])
+    grid = {"type": "gridvolume", "grid": voxels, "to_world": to_world, "raw": True, "filter_type": "trilinear"}
+    return {
+        "type": "heterogeneous", "albedo": {"type": "constvolume", "value": rgb(*np.asarray(albedo, float))},
+        "sigma_t": grid, "scale": extinction, "phase": {"type": "hg", "g": g},
+    }  # fmt: skip
+
+
 def cloud_in_a_room(inside: Description) -> Description:
     """A cube of a medium over a floor, under a lamp and a sky."""
     t = mitsuba().ScalarTransform4f

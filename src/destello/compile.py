@@ -180,6 +180,7 @@ class SceneCompiler:
         for name, group in scene.groups.items():
             self._groups[name] = self._builder.add_group()
             for i, shape in enumerate(group.shapes):
+                check_no_volume(shape, label(f"groups.{name}[{i}]", shape))
                 self._shape(self._groups[name], shape, label(f"groups.{name}[{i}]", shape), self._context)
         for i, shape in enumerate(scene.shapes):
             self._shape(WORLD, shape, label(f"shapes[{i}]", shape), self._context)
@@ -316,6 +317,12 @@ class SceneCompiler:
         inside = Context(context.materials, context.assets, first, last, context.material)
         for i, shape in enumerate(scene.groups[part["group"]].shapes):
             self._inner_shape(group, scene, shape, label(f"{place}[{i}]", shape), inside)
+
+
+def check_no_volume(shape: Node, place: str) -> None:
+    """A volume stands in the world, once; copies of a group would share it. Raises SceneError."""
+    if any(node.kind == "volume" for node in shape.walk()):
+        raise SceneError("a volume in a group", place=place, expected="medium_volume on shapes that are in no group")
 
 
 def label(place: str, node: Node) -> str:

@@ -45,6 +45,7 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     images = _images(scene.textures(), assets)
     box = scene_bounds(scene, assets.mesh_scene)
     nodes = [*scene.nodes()]
+    voxels = sum(voxel_bytes(node) for node in nodes if node.kind == "volume")
     return {
         "name": scene.name,
         "size": [scene.film.width, scene.film.height],
@@ -62,11 +63,19 @@ def scene_info(scene: Scene) -> dict[str, Any]:
         "textures": _types(node for node in nodes if node.kind == "texture"),
         "images": images,
         "bounds": None if box is None else [[float(v) for v in corner] for corner in box],
-        "memory": counts.geometry() + counts.tree() + sum(image["bytes"] for image in images.values()),
+        "memory": counts.geometry() + counts.tree() + sum(image["bytes"] for image in images.values()) + voxels,
         "triangle_bytes": per_triangle(counts.triangles, counts.geometry(), counts.tree()),
         "missing": list(assets.files.missing),
         "notes": [*scene.notes, *assets.notes],
     }
+
+
+def voxel_bytes(volume: Node) -> int:
+    """What the core keeps of a volume's arrays: a temperature becomes three floats."""
+    size = int(volume["density"][..., 0].size)
+    glow = 12 * size if volume["temperature"] is not None else 0
+    given = (volume[name] for name in ("density", "albedo", "emission"))
+    return glow + sum(int(array.nbytes) for array in given if array is not None)
 
 
 def _animation(scene: Scene) -> dict[str, Any] | None:

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 _JC = (368, 381, 397, 413, 431, 451, 471, 496, 521, 549, 582, 617, 659, 704, 756, 821)
 
 # Wavelengths in nm, and the real and imaginary part of the index of refraction there.
-# Silver, gold, copper: P. B. Johnson and R. W. Christy 1972, "Optical Constants of the Noble Metals", Phys. Rev. B 6, 4370.
-# Iron, chrome, nickel, titanium: the same 1974, "Optical constants of transition metals", Phys. Rev. B 9, 5056.
-# Aluminium: A. D. Rakic 1995, "Algorithm for the determination of intrinsic optical constants of metal films", Appl. Opt. 34,
-# 4755. Brass (70% Cu, 30% Zn): M. R. Querry 1985, "Optical Constants", contractor report CRDC-CR-85034.
+# Silver, gold, copper: P. B. Johnson and R. W. Christy 1972, "Optical Constants of the Noble Metals", Phys. Rev. B 6,
+# 4370. Iron, chrome, nickel, titanium: the same 1974, "Optical constants of transition metals", Phys. Rev. B 9, 5056.
+# Aluminium: A. D. Rakic 1995, "Algorithm for the determination of intrinsic optical constants of metal films", Appl.
+# Opt. 34, 4755. Brass (70% Cu, 30% Zn): M. R. Querry 1985, "Optical Constants", contractor report CRDC-CR-85034.
 _MEASURED: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {
     "silver": (
         _JC,
@@ -115,16 +115,17 @@ def color(name: str, cosine: float = 1.0) -> Floats:
     spectrum = reflectance(cosine, np.interp(WAVELENGTHS, nm, eta), np.interp(WAVELENGTHS, nm, k))
     light = observer() * planck(WAVELENGTHS, 6504.0)
     rgb = (XYZ_TO_RGB @ (light @ spectrum)) / (XYZ_TO_RGB @ light.sum(1))
-    return np.clip(rgb, 0.0, _BRIGHTEST)
+    return np.asarray(np.clip(rgb, 0.0, _BRIGHTEST))
 
 
 @lru_cache(maxsize=32)
 def eta_k(name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """An index of refraction per channel that gives a metal's colour head-on exactly.
 
-    The real part is the measured one's mean over the channel; the imaginary part follows from the colour (Gulbrandsen 2014,
-    "Artist Friendly Metallic Fresnel", equation 7). Towards grazing angles the colour stays within 0.04 of `color`'s. Raises
-    SceneError for a name that is not in `NAMES`.
+    The real part is the measured one's mean over the channel; the imaginary part follows from the colour (Gulbrandsen
+    2014, "Artist Friendly Metallic Fresnel"). Towards grazing angles the colour stays within 0.04 of `color`'s.
+
+    Raises SceneError for a name that is not in `NAMES`.
     """
     nm, eta, _ = index(name)
     weights = np.maximum(XYZ_TO_RGB @ (observer() * planck(WAVELENGTHS, 6504.0)), 0.0)

@@ -131,13 +131,13 @@ _VOLUMES = (
     _type(
         "volume",
         "grid",
-        "A box of voxels by which a medium varies. The first index is z, the last x; voxel i of n stands for (i + 1/2) / n of "
-        "the box. Outside of the box there is nothing.",
+        "A box of voxels by which a medium varies. The first index is z, the last x; voxel i of n stands for "
+        "(i + 1/2) / n of the box. Outside of the box there is nothing.",
         _voxels("density", "multiplies medium_density and medium_absorption; uint8 255 is 1", 1, required=True),
         _voxels("albedo", "multiplies medium_albedo", 1, 3),
         _voxels(
             "emission",
-            "radiance with which an endless depth of the medium would shine, if it did not scatter: what absorbs, emits",
+            "radiance with which an endless depth would shine, if it did not scatter: what absorbs, emits",
             *(1, 3),
             unit="W/(sr m^2)",
         ),
@@ -217,7 +217,7 @@ EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
     "material": (
-        ParamDoc("medium_volume", "what varies the medium from place to place; it has a place in the world of its own", "volume"),
+        ParamDoc("medium_volume", "what varies the medium; it has a place in the world of its own", "volume"),
     ),
     "light": (_TRANSFORM, _ANIMATION),
     "environment": (_TRANSFORM,),

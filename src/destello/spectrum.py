@@ -43,7 +43,7 @@ def observer() -> Floats:
 
 
 def planck(nm: npt.ArrayLike, kelvin: npt.ArrayLike) -> Floats:
-    """Spectral radiance of a black body by Planck's law, up to a constant factor: wavelengths in nm, temperatures > 0."""
+    """Spectral radiance of a black body by Planck's law, up to a factor: wavelengths in nm, temperatures in K."""
     wavelength, temperature = np.asarray(nm, np.float64), np.asarray(kelvin, np.float64)
     with np.errstate(over="ignore"):
         return np.asarray((wavelength / 560.0) ** -5 / np.expm1(_SECOND_RADIATION / (wavelength * temperature)))
@@ -58,8 +58,8 @@ def blackbody_xyz(kelvin: npt.ArrayLike) -> Floats:
 def blackbody(kelvin: float, luminance: float = 1.0) -> tuple[float, float, float]:
     """The colour of a black body: of candles (1900), lamps (2700 to 3000), the sun (5800), the blue sky (over 10000).
 
-    Planck's law, integrated with the CIE 1931 observer. Below about 1900 K the colour lies outside Rec.709: what would be
-    negative is 0, and the rest keeps the luminance.
+    Planck's law, integrated with the CIE 1931 observer. Below about 1900 K the colour lies outside Rec.709: what would
+    be negative is 0, and the rest keeps the luminance.
 
     Args:
         kelvin: the temperature in K, from 500 to 1e6.
@@ -74,7 +74,7 @@ def blackbody(kelvin: float, luminance: float = 1.0) -> tuple[float, float, floa
     if not COLDEST <= kelvin <= HOTTEST:
         raise InputError("wrong temperature", place="blackbody", value=kelvin, expected=f"{COLDEST:g} to {HOTTEST:g} K")
     if not 0 <= luminance < np.inf:
-        raise InputError("wrong luminance", place="blackbody", value=luminance, expected="a finite number of at least 0")
+        raise InputError("wrong luminance", place="blackbody", value=luminance, expected="a number of at least 0")
     red, green, blue = (luminance * blackbody_rgb(np.array([kelvin]))[0]).tolist()
     return red, green, blue
 

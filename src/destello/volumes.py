@@ -26,8 +26,8 @@ def box(volume: Node, *, name: str | None = None, **medium: Any) -> Node:
     Raises:
         SceneError: if a value is not accepted.
     """
-    if not isinstance(volume, Node) or volume.kind != "volume":
-        raise SceneError("not a volume", place="volume", value=volume, expected="a volume")
+    if volume.kind != "volume":
+        raise SceneError("not a volume", place="volume", value=volume.kind, expected="a volume")
     material = Node("material", "interface", {**medium, "medium_volume": volume})
     place = {"min": volume["min"], "max": volume["max"], "transform": volume["transform"], "material": material}
     return Node("shape", "box", place, name=name)

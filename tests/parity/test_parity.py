@@ -16,7 +16,7 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures"]
+SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "clouds"]
 
 
 def opaque() -> dl.Scene:
@@ -53,7 +53,26 @@ def everything() -> dl.Scene:
     return s
 
 
-MADE = {"textures and media": everything, "normal maps and mixtures": opaque}
+def clouds() -> dl.Scene:
+    """Grids in 8, 16 and 32 bits: chromatic, tinted, glowing, turned, one in glass, one around the camera."""
+    s = opaque()
+    noise = np.random.default_rng(5).random((10, 17, 9), np.float32)
+    puffs = np.where(noise < 0.4, 0, noise).astype(np.float32)
+    wide = dl.volumes.grid(density=(puffs * 255).astype(np.uint8), min=(-8, -0.5, -8), max=(8, 5, 12))
+    s.add(dl.volumes.box(wide, medium_density=(0.05, 0.1, 0.2), medium_albedo=0.9, priority=-1))
+    tinted = dl.volumes.grid(
+        density=puffs.astype(np.float16), albedo=np.stack([noise, noise**2, noise**0.5], -1),
+        min=(-1, -1, -1), transform=dl.translate(2.5, 1.2, 0) @ dl.rotate((1, 1, 0), 35),
+    )  # fmt: skip
+    s.add(dl.volumes.box(tinted, medium_density=(3, 2, 4), medium_anisotropy=0.6))
+    heat = {"temperature": 1500 * noise, "emission_scale": 30}
+    fire = dl.volumes.grid(density=puffs, **heat, min=(-3.5, 0, 0), max=(-1.5, 2, 2.5))
+    glass = dl.materials.dielectric(medium_density=1, medium_albedo=0.2, medium_volume=fire, priority=1)
+    s.add(dl.shapes.sphere(center=(-2.5, 1, 1.6), radius=0.6, material=glass))
+    return s
+
+
+MADE = {"textures and media": everything, "normal maps and mixtures": opaque, "clouds": clouds}
 
 
 def compiled(name: str) -> tuple[Any, dict[str, Any], int]:
@@ -101,7 +120,7 @@ def test_same_picture(name: str, sampling: str, features: bool) -> None:
         assert np.median(difference) <= 1e-4 * max(1.0, float(np.abs(cpu.aov(aov)).max()))
 
 
-@pytest.mark.parametrize("name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media"])
+@pytest.mark.parametrize("name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "clouds"])
 def test_bits_do_not_depend_on_the_split(name: str) -> None:
     core, settings, height = compiled(name)
     whole = film(core, "cuda:0", height, settings).state()

@@ -36,7 +36,7 @@ def density_at(values, points):
 
 
 def depth_along_y(values, to_cube, size, half, steps=4000, span=4.0, oversample=5):
-    """Optical depth at density 1 along vertical lines through the pixels of `down_on`'s picture: (H, W, oversample^2)."""
+    """Optical depth at density 1 along vertical lines through `down_on`'s pixels: (H, W, oversample^2)."""
     from transport import pixel_points
 
     y = (np.arange(steps) + 0.5) / steps * 2 * span - span
@@ -88,7 +88,8 @@ def test_density_that_falls_off_exponentially(device):
     y = (np.arange(n) + 0.5) / n * height
     profile = np.exp(-y / scale).astype(np.float32)
     layers = np.broadcast_to(profile[None, :, None], (1, n, 1))
-    scene = under_sky(smoke(layers, low=(-9, 0, -9), high=(9, height, 9), medium_density=tuple(DENSITY), medium_albedo=0))
+    air = smoke(layers, low=(-9, 0, -9), high=(9, height, 9), medium_density=tuple(DENSITY), medium_albedo=0)
+    scene = under_sky(air)
     got = runs(scene, device, spp=512)
     depth = scale * -np.expm1(-height / scale)
     stats.assert_mean(got.reshape(-1, 3), np.exp(-DENSITY * depth), slack=1e-4)
@@ -232,7 +233,7 @@ def fresnel(eta):
 
 
 def test_a_cloudy_liquid_in_glass(device):
-    """Straight down through glass, a liquid whose colour gets denser downwards, and glass: reflections between all four."""
+    """Straight down through glass, a liquid that is denser below, and glass: reflections between all four."""
     n = 64
     profile = np.linspace(2, 0, n, dtype=np.float32)[None, :, None]  # mean 1 over the liquid's height of 1
     depth = np.array([0.2, 0.5, 1.0])

@@ -120,7 +120,7 @@ def test_fresnel_against_the_closed_form_head_on():
 def test_metal_materials():
     node = dl.materials.metal("gold", roughness=0.2, name="ring")
     assert (node.type, node.name, node["fresnel"], node["roughness"]) == ("conductor", "ring", "eta_k", 0.2)
-    with pytest.raises(SceneError, match="did you mean 'gold'|gold"):
+    with pytest.raises(SceneError, match="gold"):
         dl.materials.metal("golf")
     with pytest.raises(SceneError, match="roughness"):
         dl.materials.metal("gold", roughness=3)
