@@ -149,11 +149,10 @@ VoxelSource to_voxels(const std::optional<Voxels>& a, const Voxels& like) {
   return s;
 }
 
-uint32_t add_grid(SceneBuilder& b, const Voxels& density, const nb::object& transform, const std::optional<Voxels>& albedo,
-                  const std::optional<Voxels>& emission) {
+uint32_t add_grid(SceneBuilder& b, const Voxels& density, const nb::object& transform,
+                  const std::optional<Voxels>& albedo, const std::optional<Voxels>& emission) {
   std::array<uint32_t, 3> size;
-  for (size_t k = 0; k < 3; ++k)
-    size[k] = static_cast<uint32_t>(std::min<size_t>(density.shape(2 - k), 0xffffffffU));
+  for (size_t k = 0; k < 3; ++k) size[k] = static_cast<uint32_t>(std::min<size_t>(density.shape(2 - k), 0xffffffffU));
   return b.add_grid(size, to_transform(transform), to_voxels(density, density), to_voxels(albedo, density),
                     to_voxels(emission, density));
 }

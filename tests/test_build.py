@@ -78,7 +78,7 @@ def test_import_without_a_driver() -> None:
 def test_import_takes_no_optional_package() -> None:
     """A plain `import destello` is quick: file formats, the command line and extras load when they are used."""
     code = "import sys, destello; print(*[m for m in sys.argv[1:] if m in sys.modules])"
-    heavy = ["trimesh", "pygltflib", "tinyobjloader", "plyfile", "typer", "pyoidn", "scipy", "pxr", "viser"]
+    heavy = ["trimesh", "pygltflib", "tinyobjloader", "plyfile", "typer", "pyoidn", "tinyvdb", "scipy", "pxr", "viser"]
     loaded = run_python(code.replace("sys.argv[1:]", repr(heavy)))
     assert not loaded.split()
 

@@ -58,9 +58,8 @@ DST_FN Flight fly(const SceneView& scene, const Interior& interior, float end, P
   }
   Ray way = path->ray;
   way.t_max = end;
-  const GridFlight f =
-      fly_through_grid(medium, scene.grids.grids[interior.grid], scene.grids, way, path->throughput,
-                       path->sampler.get_1d(dimension), path->sampler.stream(dimension));
+  const GridFlight f = fly_through_grid(medium, scene.grids.grids[interior.grid], scene.grids, way, path->throughput,
+                                        path->sampler.get_1d(dimension), path->sampler.stream(dimension));
   path->radiance += f.emitted;
   path->throughput = f.carried;
   return {f.distance, Vec3(1), f.collides};

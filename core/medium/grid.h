@@ -21,14 +21,15 @@ inline constexpr uint32_t kMajorantVoxels = 8;
 
 // A box of voxels. Where the box is not, there is nothing.
 struct Grid {
-  Transform to_cube;  // from the world to the unit cube that is the box
+  Transform to_cube;              // from the world to the unit cube that is the box
   uint32_t size[3] = {1, 1, 1};   // voxels along x, y, z
   uint32_t cells[3] = {1, 1, 1};  // cells of one majorant each
   uint64_t first_majorant = 0;
-  VoxelArray density;   // multiplies the medium's density and absorption; one channel
-  VoxelArray albedo;    // multiplies the medium's albedo
-  VoxelArray emission;  // radiance, W/(sr m^2): what absorbs (1 - albedo included) emits as much as makes an endless depth of
-                        // the medium shine with it, were there no scattering (Kirchhoff)
+  VoxelArray density;  // multiplies the medium's density and absorption; one channel
+  VoxelArray albedo;   // multiplies the medium's albedo
+  VoxelArray
+      emission;  // radiance, W/(sr m^2): what absorbs (1 - albedo included) emits as much as makes an endless depth of
+                 // the medium shine with it, were there no scattering (Kirchhoff)
 };
 
 struct GridData {
@@ -41,15 +42,18 @@ struct GridData {
 struct MajorantWalk {
   const Grid& grid;
   const float* majorants;
-  float scale;     // greatest extinction where the density array is 1, 1/m
-  Vec3 origin, direction;  // in the unit cube's coordinates
+  float scale;               // greatest extinction where the density array is 1, 1/m
+  Vec3 origin, direction;    // in the unit cube's coordinates
   float begin = 0, end = 0;  // where the ray is in the box; all below is relative to `begin`
   float t = 0;
   float majorant = 0;  // extinction at t, no lower than the medium's, 1/m
   int cell[3] = {};
 
   DST_HD MajorantWalk(const Grid& g, const float* all, float s, const Ray& ray)
-      : grid(g), majorants(all + g.first_majorant), scale(s), origin(g.to_cube.point(ray.origin)),
+      : grid(g),
+        majorants(all + g.first_majorant),
+        scale(s),
+        origin(g.to_cube.point(ray.origin)),
         direction(g.to_cube.vector(ray.direction)) {
     float lo = 0, hi = ray.t_max;
     for (int k = 0; k < 3; ++k) {
@@ -106,8 +110,9 @@ struct MajorantWalk {
     return static_cast<float>(grid.size[k]) * (1.0f / static_cast<float>(kMajorantVoxels));
   }
   DST_HD void enter() {
-    const uint64_t i = (static_cast<uint64_t>(cell[2]) * grid.cells[1] + static_cast<uint64_t>(cell[1])) * grid.cells[0] +
-                       static_cast<uint64_t>(cell[0]);
+    const uint64_t i =
+        (static_cast<uint64_t>(cell[2]) * grid.cells[1] + static_cast<uint64_t>(cell[1])) * grid.cells[0] +
+        static_cast<uint64_t>(cell[0]);
     majorant = majorants[i] * scale;
   }
 };
@@ -127,14 +132,14 @@ DST_FN bool walk_roulette(Vec3* carried, float start, HashStream* numbers) {
 // Where a path gets to in a grid.
 struct GridFlight {
   float distance = 0;  // to the collision, if there is one
-  Vec3 carried;        // throughput there, the collision's albedo included, or beyond the medium; black: all is absorbed
-  Vec3 emitted;        // radiance that the medium adds on the way
+  Vec3 carried;  // throughput there, the collision's albedo included, or beyond the medium; black: all is absorbed
+  Vec3 emitted;  // radiance that the medium adds on the way
   bool collides = false;
 };
 
 // The way to the next collision that scatters, or through the medium. u: for the first distance.
-DST_FN DST_COLD GridFlight fly_through_grid(const Medium& medium, const Grid& grid, const GridData& data, const Ray& ray,
-                                            Vec3 carried, float u, HashStream numbers) {
+DST_FN DST_COLD GridFlight fly_through_grid(const Medium& medium, const Grid& grid, const GridData& data,
+                                            const Ray& ray, Vec3 carried, float u, HashStream numbers) {
   const Vec3 extinction = medium.density + medium.absorption;
   const float start = max_component(abs(carried));
   MajorantWalk walk(grid, data.majorants, max_component(extinction), ray);

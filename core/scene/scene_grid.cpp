@@ -24,8 +24,8 @@ float cell_majorant(const Grid& grid, const unsigned char* voxels, const uint32_
   for (uint32_t z = lo[2]; z <= hi[2]; ++z)
     for (uint32_t y = lo[1]; y <= hi[1]; ++y)
       for (uint32_t x = lo[0]; x <= hi[0]; ++x)
-        most = std::max(most, grid.density.value(
-                                  voxels, (static_cast<uint64_t>(z) * grid.size[1] + y) * grid.size[0] + x));
+        most = std::max(most,
+                        grid.density.value(voxels, (static_cast<uint64_t>(z) * grid.size[1] + y) * grid.size[0] + x));
   return most;
 }
 
@@ -92,13 +92,15 @@ void SceneBuilder::set_medium_grid(uint32_t material, uint32_t grid) {
   constexpr float kThickest = 1e6f;
   const Grid& g = a.grids[grid];
   const Transform world = g.to_cube.inverse();
-  const float diagonal = length(world.vector({1, 0, 0})) + length(world.vector({0, 1, 0})) + length(world.vector({0, 0, 1}));
+  const float diagonal =
+      length(world.vector({1, 0, 0})) + length(world.vector({0, 1, 0})) + length(world.vector({0, 0, 1}));
   const uint64_t cells = static_cast<uint64_t>(g.cells[0]) * g.cells[1] * g.cells[2];
   const float* first = a.majorants.data() + g.first_majorant;
   const Medium& m = a.interiors[interior].medium;
   const float depth = diagonal * max_component(m.density + m.absorption) * *std::max_element(first, first + cells);
   if (!(depth <= kThickest))
-    fail("medium_volume: up to " + std::to_string(depth) + " collisions on the way through; expected at most a million");
+    fail("medium_volume: up to " + std::to_string(depth) +
+         " collisions on the way through; expected at most a million");
 }
 
 }  // namespace destello

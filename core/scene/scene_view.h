@@ -44,7 +44,7 @@ enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurface
 struct Interior {
   Medium medium;
   uint32_t grid = kNoIndex;  // what varies the medium's density; kNoIndex: nothing
-  float ior = 1;  // at 587.56 nm
+  float ior = 1;             // at 587.56 nm
   float priority =
       0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
 };

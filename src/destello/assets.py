@@ -42,6 +42,7 @@ class Assets:
         )
         self.notes: list[str] = []
         self._images: dict[Path, NDArray[Any]] = {}
+        self._volumes: dict[Node, Node] = {}
         self._meshes: dict[Path, MeshFile | None] = {}
 
     def texels(self, path: str, place: str) -> tuple[Path, NDArray[Any]] | None:
@@ -56,6 +57,18 @@ class Assets:
             if bad:
                 self.notes.append(f"{path}: {bad} values were infinite or not numbers and were replaced")
         return real, self._images[real]
+
+    def volume(self, node: Node, place: str) -> Node:
+        """The `grid` in the file of a volume_file; an empty one if it is missing. Raises FormatError, InputError."""
+        from destello.volumes import from_file
+
+        real = self.files.find(node["path"], f"{place}.path")
+        if real is None:
+            self.notes.append(f"missing volume {node['path']}: left out")
+            return Node("volume", "grid", {"density": [[[0.0]]]})
+        if node not in self._volumes:
+            self._volumes[node] = self._read(lambda path: from_file(path, node), real, f"{place}.path")
+        return self._volumes[node]
 
     def mesh_file(self, shape: Node, place: str = "mesh_file") -> MeshFile | None:
         """The scene in the file of a mesh_file shape; None if it is missing."""

@@ -141,6 +141,8 @@ class MaterialCompiler:
 
     def volume(self, node: Node, place: str) -> int:
         """The core's number of a volume."""
+        if node not in self._volumes and node.type == "volume_file":
+            self._volumes[node] = self.volume(self._assets.volume(node, place), place)
         if node not in self._volumes:
             low, high = node["min"], node["max"]
             edges = [b - a for a, b in zip(low, high, strict=True)]

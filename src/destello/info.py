@@ -45,7 +45,8 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     images = _images(scene.textures(), assets)
     box = scene_bounds(scene, assets.mesh_scene)
     nodes = [*scene.nodes()]
-    voxels = sum(voxel_bytes(node) for node in nodes if node.kind == "volume")
+    volumes = (node for node in nodes if node.kind == "volume")
+    voxels = sum(voxel_bytes(assets.volume(v, "volume") if v.type == "volume_file" else v) for v in volumes)
     return {
         "name": scene.name,
         "size": [scene.film.width, scene.film.height],

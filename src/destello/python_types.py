@@ -145,6 +145,16 @@ _VOLUMES = (
         _GLOW,
         *_CUBE,
     ),
+    _type(
+        "volume",
+        "volume_file",
+        "A grid from a file: OpenVDB's .vdb, placed by its own transform, or .npy with densities, in the unit cube.",
+        ParamDoc("path", "the file, relative to the scene file", "path", required=True),
+        ParamDoc("density", "the name of the grid of densities", "text", default="density"),
+        ParamDoc("temperature", "the name of a grid of temperatures in K, of black bodies", "text"),
+        _GLOW,
+        _CUBE[-1],
+    ),
 )
 
 _CHANNELS = ("r", "g", "b", "a", "mean")

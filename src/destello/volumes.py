@@ -5,13 +5,56 @@
 
 from __future__ import annotations
 
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
-from destello.errors import SceneError
+from destello.errors import MissingFileError, SceneError
 from destello.factories import Factories
 from destello.nodes import Node
+from destello.transform import matrix
 
 _factories = Factories("volume", __name__)
+
+
+def load(
+    path: str | PathLike[str],
+    *,
+    density: str = "density",
+    temperature: str | None = None,
+    emission_scale: float = 1.0,
+    transform: Any = None,
+) -> Node:
+    """A `grid` from a file.
+
+    Args:
+        path: OpenVDB's .vdb (needs ``pip install 'destello[volumes]'``), or .npy with densities (depth, height, width).
+        density: the name of the file's grid of densities.
+        temperature: the name of its grid of temperatures in K; None: it does not glow.
+        emission_scale: luminance of the hottest voxel's radiance.
+        transform: from the file's own world to the scene's.
+
+    Raises:
+        InputError, FormatError: a file that cannot be read, or the package that reads it is missing. SceneError: if a
+            value is not accepted.
+    """
+    names = {"density": density, "temperature": temperature, "emission_scale": emission_scale, "transform": transform}
+    file = Node("volume", "volume_file", {"path": path, **names})
+    if not Path(path).is_file():
+        raise MissingFileError([str(path)])
+    return from_file(Path(path), file)
+
+
+def from_file(path: Path, node: Node) -> Node:
+    """The `grid` that a volume_file stands for, read from `path`. Raises InputError, FormatError, SceneError."""
+    from destello.volume_files import read_volume
+
+    names = {param: node[param] for param in ("density", "temperature") if node[param] is not None}
+    found = read_volume(path, names)
+    own = matrix(found.pop("transform")) if "transform" in found else None
+    outer = node["transform"]
+    place = own if outer is None else outer if own is None else outer @ own
+    return Node("volume", "grid", {**found, "emission_scale": node["emission_scale"], "transform": place})
 
 
 def box(volume: Node, *, name: str | None = None, **medium: Any) -> Node:
@@ -26,8 +69,8 @@ def box(volume: Node, *, name: str | None = None, **medium: Any) -> Node:
     Raises:
         SceneError: if a value is not accepted.
     """
-    if volume.kind != "volume":
-        raise SceneError("not a volume", place="volume", value=volume.kind, expected="a volume")
+    if (volume.kind, volume.type) != ("volume", "grid"):
+        raise SceneError("not a grid", place="volume", value=volume.type, expected="volumes.grid or volumes.load")
     material = Node("material", "interface", {**medium, "medium_volume": volume})
     place = {"min": volume["min"], "max": volume["max"], "transform": volume["transform"], "material": material}
     return Node("shape", "box", place, name=name)

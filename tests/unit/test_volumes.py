@@ -83,7 +83,7 @@ def test_a_volume_needs_a_medium_and_a_place_in_the_world():
     scene.add(dl.volumes.box(grid, medium_density=1e7))
     with pytest.raises(SceneError, match="at most a million"):
         scene.compile()
-    with pytest.raises(SceneError, match="not a volume"):
+    with pytest.raises(SceneError, match="not a grid"):
         dl.volumes.box(dl.materials.diffuse())
     with pytest.raises(SceneError, match="a texture where volume"):
         dl.materials.interface(medium_volume=dl.textures.solid())

@@ -1,0 +1,146 @@
+"""Volumes from files: OpenVDB and NumPy; damaged and hostile ones."""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import sys
+
+import numpy as np
+import pytest
+
+import destello as dl
+import vdb_file
+from destello import volume_files
+from destello.errors import Error, FormatError, InputError, MissingFileError, SceneError
+from fuzz_readers import damaged
+
+tinyvdb = pytest.importorskip("tinyvdb")
+
+
+@pytest.fixture
+def smoke(tmp_path):
+    path = tmp_path / "smoke.vdb"
+    path.write_bytes(vdb_file.vdb_bytes())
+    return path
+
+
+def test_vdb_density_and_place(smoke):
+    grid = dl.volumes.load(smoke)
+    values = vdb_file.density()
+    x, y, z = np.nonzero(values)
+    first = np.array([x.min(), y.min(), z.min()])
+    found = grid["density"][..., 0]
+    inside = values[x.min() : x.max() + 1, y.min() : y.max() + 1, z.min() : z.max() + 1]
+    assert np.array_equal(found[1:-1, 1:-1, 1:-1].transpose(2, 1, 0), inside)
+    border = found.copy()
+    border[1:-1, 1:-1, 1:-1] = 0
+    assert not border.any()
+    # The middle of the first voxel that is not in the border, in the world.
+    corner = grid["transform"].matrix @ (*(np.array(grid["min"]) + 1.5), 1)
+    np.testing.assert_allclose(corner[:3], (first + np.array([-2, 3, 5])) * 0.5 + np.array([1, 2, 3]))
+    assert dl.volumes.load(smoke, transform=dl.translate(1, 0, 0))["transform"].matrix[0, 3] == 2
+
+
+def test_vdb_temperatures_share_the_box(smoke):
+    grid = dl.volumes.load(smoke, temperature="heat", emission_scale=4)
+    assert grid["temperature"].shape == grid["density"].shape
+    assert grid["emission_scale"] == 4
+    hot = grid["density"] > 0.5
+    hot[..., 0] &= grid["temperature"][..., 0] > 0  # the first x is not in "heat"
+    np.testing.assert_allclose(grid["temperature"][hot], 1000 + 500 * grid["density"][hot])
+    assert set(np.unique(grid["temperature"])) == {0, *np.unique(vdb_file.heat())}
+
+
+def test_scene_files_name_volume_files(smoke, tmp_path):
+    scene = dl.Scene()
+    scene.base_dir = tmp_path
+    volume = dl.volumes.volume_file("smoke.vdb", temperature="heat")
+    inside = dl.materials.interface(medium_density=3, medium_volume=volume)
+    scene.add(dl.shapes.box((-5, -5, -5), (9, 9, 9), material=inside))
+    scene.save(tmp_path / "s.yaml")
+    again = dl.load(tmp_path / "s.yaml")
+    assert again == scene
+    assert again.compile().stats["volume_bytes"] > 1000
+    assert again.info()["memory"] > 1000
+    smoke.unlink()
+    with pytest.raises(MissingFileError, match=r"smoke\.vdb"):
+        again.compile()
+    compiled = again.compile(allow_missing=True)
+    assert any("missing volume smoke.vdb" in note for note in compiled.notes)
+    with pytest.raises(MissingFileError, match=r"smoke\.vdb"):
+        dl.volumes.load(smoke)
+
+
+def test_numpy_files(tmp_path):
+    values = np.random.default_rng(1).random((3, 4, 5)).astype(np.float16)
+    np.save(tmp_path / "d.npy", values)
+    grid = dl.volumes.load(tmp_path / "d.npy")
+    assert grid["density"].dtype == np.float16
+    assert np.array_equal(grid["density"][..., 0], values)
+    assert grid["transform"] is None
+    for bad, said in ((np.ones(3), "not voxels"), (np.ones((2, 2, 2), complex), "not voxels")):
+        np.save(tmp_path / "d.npy", bad)
+        with pytest.raises(FormatError, match=said):
+            dl.volumes.load(tmp_path / "d.npy")
+    np.save(tmp_path / "d.npy", -np.ones((2, 2, 2)))
+    with pytest.raises(SceneError, match="negative"):
+        dl.volumes.load(tmp_path / "d.npy")
+    np.save(tmp_path / "d.npy", np.array([{}], object), allow_pickle=True)
+    with pytest.raises(FormatError, match="broken array file"):
+        dl.volumes.load(tmp_path / "d.npy")
+
+
+def test_wrong_names_and_kinds(smoke, tmp_path):
+    with pytest.raises(FormatError, match=r"no such grid.*density"):
+        dl.volumes.load(smoke, density="densty")
+    (tmp_path / "a.txt").write_text("x")
+    with pytest.raises(InputError, match=r"not a volume file.*\.npy or \.vdb"):
+        dl.volumes.load(tmp_path / "a.txt")
+    np.save(tmp_path / "d.npy", np.ones((2, 2, 2)))
+    with pytest.raises(InputError, match="no temperatures"):
+        dl.volumes.load(tmp_path / "d.npy", temperature="heat")
+
+
+def test_without_the_package(smoke, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "tinyvdb":
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.delitem(sys.modules, "tinyvdb", raising=False)
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"destello\[volumes\]"):
+        dl.volumes.load(smoke)
+
+
+def test_sizes_are_checked_before_memory_is_taken(smoke, tmp_path, monkeypatch):
+    monkeypatch.setattr(volume_files, "MOST_VOXELS", 100)
+    with pytest.raises(FormatError, match="too large"):
+        dl.volumes.load(smoke)
+    np.save(tmp_path / "d.npy", np.ones((10, 10, 10), np.uint8))
+    with pytest.raises(FormatError, match="too large"):
+        dl.volumes.load(tmp_path / "d.npy")
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", ["vdb", "npy"])
+def test_damaged_files(kind, tmp_path):
+    """Only destello.Error comes out, and some are read."""
+    path = tmp_path / f"x.{kind}"
+    np.save(tmp_path / "x.npy", vdb_file.density())
+    whole = vdb_file.vdb_bytes() if kind == "vdb" else path.read_bytes()
+    # Most of a .vdb file is values: the structure at its beginning gets half of the damage.
+    head = min(len(whole), 2000)
+    read = 0
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        front = seed % 2 == 0
+        data = damaged(rng, whole[:head]) + whole[head:] if front else damaged(rng, whole)
+        path.write_bytes(data)
+        with contextlib.suppress(Error):
+            dl.volumes.load(path)
+            read += 1
+    assert 20 < read < 380

@@ -1,0 +1,45 @@
+"""A small OpenVDB file, written once with xuvdb 1.4.0 (an implementation of the format that destello does not use) from
+
+    x, y, z = np.indices((10, 6, 9))
+    density = np.exp(-((x - 4.5) ** 2 / 8 + (y - 2.5) ** 2 / 4 + (z - 4) ** 2 / 6)), below 0.2: 0, to sixteenths
+    heat = np.where(density > 0.5, 1000 + 500 * density, 0)[1:]
+
+with voxels of 0.5, index (0, 0, 0) at (1, 2, 3), and the arrays' first voxels at (-2, 3, 5) and (-1, 3, 5).
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+_PACKED = (
+    "c-rmUJ#W)M7{GBS1yTW3!j9C4i6v5B(l%Y1G<8@IEL5zP8?MEYW0%;8f&@}N24e;!20j35K1x0UBU`!a*|BTV@)A;s^8ZPv=ZXE?"
+    "`F!#eovz$8UmDUxwtI$_J815%wVJiv%Fg=6R;9YJzEjz+R-2VtYkSA6Jy|zvn+K{eFIz#jSHcUN@NG$^hg~78W7oGsYs;!yo2u+x"
+    "H17UW9b3<JRNe2$c1t$T?g*6!Vb}3aQiI->Y1_4fAh~;2X2<?Xx$nEZj!;iMc3fe#{myAu1cBpwN$rZv>~`q%MY(UgJrS(L<wr;U"
+    "!0I@jdO%;aH=X-3Ig^&6X=N(y!G%gyu`HX)r&H+r1L4Yv^t@2Lg5!nTRV!3w!)Og2$o8UbyW+5Gdx2|*;+cJ_Z+)#tH4Pn>qd2Mm"
+    "UX1%^W9gC@KR1avBauJ9barL{00000fNPUu2><{90000mk336&#eH2DKQI2x1ONa4000000002s23TUh3GkmA4x^xx;dp#84yOe("
+    "yBCT@b=;Cslw`;kS69<9zCNwX?m|k-XW~NXc{KKPn|mRKdr2EdP35EL0h3f5U2#3zKW=lcbasN1)I+kruc|HA4P&jY<9NpJY<>K4"
+    "rF!y`4Vj<Tb&MBa*0mq{{l&57eXl=V&(s$;->0t!QU|!b7It{q0dVi51K-|+IzH+p51M@dTs-3Sp8l4L=AsU4yZZDuRi!>~HJM*H"
+    "{q142T>sqZZ`u8s?AHVU00000000000N@5-w<Z9s5N+}+6!Pg9UtdiB(nr(y_Q^bt>HP7?G$x--<HHvn)496$v-_8f`yH9gUrz"
+)
+
+
+def vdb_bytes() -> bytes:
+    """The file."""
+    return zlib.decompress(base64.b85decode(_PACKED))
+
+
+def density() -> NDArray[np.float32]:
+    """What is in its grid "density": (x, y, z)."""
+    x, y, z = np.indices((10, 6, 9))
+    values = np.exp(-((x - 4.5) ** 2 / 8 + (y - 2.5) ** 2 / 4 + (z - 4) ** 2 / 6)).astype(np.float32)
+    values[values < 0.2] = 0
+    return np.asarray(np.round(values * 16) / 16, np.float32)
+
+
+def heat() -> NDArray[np.float32]:
+    """What is in its grid "heat"."""
+    return np.where(density() > 0.5, 1000 + 500 * density(), 0).astype(np.float32)[1:]
