@@ -7,7 +7,7 @@ import pytest
 
 import destello as dl
 
-# name: width, height, samples a pixel, depth (ORIGIN: the books' own)
+# name: width, height, samples a pixel, depth (ORIGIN: the books' own; cloud and fire are destello's)
 SETTINGS = {
     "origin": (1280, 720, 200, 20),
     "book1": (1200, 675, 500, 50),
@@ -21,6 +21,8 @@ SETTINGS = {
     "cornell-smoke": (600, 600, 200, 50),
     "book2": (800, 800, 10000, 40),
     "book3": (600, 600, 1000, 50),
+    "cloud": (960, 540, 256, 200),
+    "fire": (540, 720, 256, 32),
 }
 
 # Mean linear RGB of the picture, from 2048 samples a pixel at 64 pixels' width. With 64 samples, four seeds came within
@@ -38,6 +40,8 @@ MEANS = {
     "cornell-smoke": (0.5713, 0.5155, 0.4753),
     "book2": (0.4374, 0.4617, 0.4397),
     "book3": (0.1864, 0.1647, 0.1509),
+    "cloud": (0.3500, 0.3400, 0.3990),
+    "fire": (0.1013, 0.0194, 0.0067),
 }
 
 

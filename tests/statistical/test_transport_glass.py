@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import destello as dl
-from transport import assert_constant, assert_known, estimate, slab
+import stats
+from transport import assert_constant, assert_known, estimate, runs, slab
 
 
 def fresnel(cos_i, eta):
@@ -137,3 +138,39 @@ def test_camera_in_glass(device):
     scene.environment = dl.environments.constant(radiance=0.4)
     scene.camera = dl.cameras.perspective(origin=(0, 0, 0), target=(0, 0, -1), vfov=60)
     assert_constant(estimate(scene, device, spp=16, max_depth=100), 0.4 * 2.25, rtol=1e-4)
+
+
+def prism_scene(abbe):
+    """A camera looks through a prism at a sun, near the angle of least deviation: apex 40 degrees, index 1.5."""
+    half, tall, wide = radians(20), 4.0, 3.0
+    foot, turn = tall * tan(half), np.arcsin(1.5 * np.sin(half)) - half
+    corners = [(-foot, 0), (foot, 0), (0, tall)]
+    positions = np.array([(x, y, z) for z in (-wide, wide) for x, y in corners], np.float32)
+    faces = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)]
+    scene = dl.Scene("prism")
+    scene.add(dl.shapes.mesh(positions, faces, material=dl.materials.dielectric(ior=1.5, abbe=abbe)))
+    sun = np.array([cos(turn), -np.sin(turn), 0])
+    scene.add(dl.lights.directional(direction=-sun, irradiance=1, angular_diameter=1))
+    middle = np.array([0, tall / 2, 0])
+    eye = middle - 8 * np.array([cos(turn), np.sin(turn), 0])
+    scene.camera = dl.cameras.perspective(origin=eye, target=middle, vfov=10)
+    return scene
+
+
+def test_a_prism_spreads_white_light_and_keeps_its_white(device):
+    """All colours are there, in their order, and together they are as white and as bright as without dispersion."""
+    options = {"spp": 512, "size": (8, 48), "count": 8, "max_depth": 6}
+    spread = runs(prism_scene(12.0), device, **options)
+    plain = runs(prism_scene(0.0), device, seed=100, **options)
+    (a, va), (b, vb) = ((t.mean(0), t.var(0, ddof=1) / len(t)) for t in (r.mean((1, 2)) for r in (spread, plain)))
+    # Reflection, and the size of what is seen, depend a little on the index: 2% are allowed.
+    stats.assert_means_agree(a, va, b, vb, slack=0.02)
+    assert np.sqrt(va + vb).max() < 0.03 * b.min()
+    profile = spread.mean((0, 2))  # from the top of the picture down: (48, 3)
+    centre = (np.arange(48)[:, None] * profile).sum(0) / profile.sum(0)
+    assert centre[0] + 3 < centre[1] < centre[2] - 3 or centre[0] - 3 > centre[1] > centre[2] + 3
+    bright = profile[profile.max(1) > 0.15 * profile.max()]
+    shares = bright / np.abs(bright).sum(1, keepdims=True)
+    assert shares.max(0).min() > 0.6  # rows that are nearly all red, all green, all blue
+    grey = plain.mean((0, 2))
+    np.testing.assert_allclose(grey, np.repeat(grey[:, :1], 3, 1), rtol=1e-4)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from destello.scene import Scene
 
 # In the order in which the scenes are listed.
-_MODULES = ("origin", "book1", "book2", "cornell", "book2_final", "book3")
+_MODULES = ("origin", "book1", "book2", "cornell", "book2_final", "book3", "volumes")
 _BENCH_MODULES = ("benchmarks", "interior")
 
 
