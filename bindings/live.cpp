@@ -80,7 +80,9 @@ class FilmHandle {
   std::atomic<bool>& cancelled() { return cancelled_; }
 
   void cancel() { cancelled_ = true; }
-  void clear() { unlocked([&] { film_->clear(); }); }
+  void clear() {
+    unlocked([&] { film_->clear(); });
+  }
   nb::object mean() const {
     return fetch<float>([&](float* to) { film_->mean(to); });
   }
@@ -209,8 +211,8 @@ void set_environment_values(SceneEditor& editor, const std::string& type, const 
 }  // namespace
 
 void register_live(nb::module_& m) {
-  nb::class_<SceneEditor, SceneBuilder>(m, "SceneEditor",
-                                        "A builder whose scene can be changed after it is finished: see core/scene/scene_edit.h.")
+  nb::class_<SceneEditor, SceneBuilder>(
+      m, "SceneEditor", "A builder whose scene can be changed after it is finished: see core/scene/scene_edit.h.")
       .def(nb::init<>())
       .def(
           "start",
@@ -250,7 +252,8 @@ void register_live(nb::module_& m) {
            "Makes the render into this film, or else the next one, return early; from any thread.")
       .def("mean", &FilmHandle::mean, "(height, width, 3) float32, linear Rec.709.")
       .def("picture", &FilmHandle::picture, nb::arg("matrix"), nb::arg("tone"), nb::arg("curve"),
-           "(height, width, 3) uint8: code values of a display. matrix: 3 rows of 3, from the film's colours to its own.")
+           "(height, width, 3) uint8: code values of a display. matrix: 3 rows of 3, from the film's colours to its "
+           "own.")
       .def("feature", &FilmHandle::feature, nb::arg("name"), "(height, width, 3) float32: albedo or normal.");
 
   m.def("show_radiance", &show_radiance, nb::arg("rgb"), nb::arg("matrix"), nb::arg("tone"), nb::arg("curve"),

@@ -65,7 +65,9 @@ DST_FN Vec3 tone_agx(Vec3 c) {
 
 DST_FN float tone_filmic(float x) {
   constexpr float kA = 0.22f, kB = 0.30f, kC = 0.10f, kD = 0.20f, kE = 0.01f, kF = 0.30f, kWhite = 11.2f;
-  const auto hable = [](float v) { return (v * (kA * v + kC * kB) + kD * kE) / (v * (kA * v + kB) + kD * kF) - kE / kF; };
+  const auto hable = [](float v) {
+    return (v * (kA * v + kC * kB) + kD * kE) / (v * (kA * v + kB) + kD * kF) - kE / kF;
+  };
   return hable(min(max(2 * x, 0.0f), 1e12f)) / hable(kWhite);
 }
 
@@ -87,8 +89,7 @@ DST_FN void show(const Display& display, Vec3 radiance, uint8_t* rgb) {
   if (display.tone == ToneCurve::Agx) c = tone_agx(c);
   if (display.tone == ToneCurve::Neutral) c = tone_neutral(c);
   if (display.tone == ToneCurve::Filmic) c = {tone_filmic(c.x), tone_filmic(c.y), tone_filmic(c.z)};
-  for (int k = 0; k < 3; ++k)
-    rgb[k] = static_cast<uint8_t>(encode(saturate(c[k]), display.curve) * 255.0f + 0.5f);
+  for (int k = 0; k < 3; ++k) rgb[k] = static_cast<uint8_t>(encode(saturate(c[k]), display.curve) * 255.0f + 0.5f);
 }
 
 // Mean albedo and normal of a pixel; 0 where there is no sample. `sum(channel)`: AovChannel.
