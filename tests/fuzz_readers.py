@@ -58,13 +58,8 @@ WORDS = [b"nan", b"-1", b"99999999999", b"1e999", b"0", b"/", b"//", b"-", b"\\\
 Case = tuple[str, bytes, dict[str, bytes]]  # file name, content, files beside it
 
 
-def rich_gltf(folder: Path) -> Gltf:
-    """A file that uses all that the reader knows."""
-    g = Gltf()
-    positions, uv, indices = sphere(4, 6)
-    for name in ("KHR_materials_ior", "KHR_texture_transform", "KHR_mesh_quantization"):
-        g.extend(name, required=True)
-    g.extend("KHR_lights_punctual", lights=[{"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}])
+def rich_materials(g: Gltf, folder: Path) -> None:
+    """Four materials, and two variants."""
     texture = g.texture(encode_image(corner_image(), ".png", folder), wrapS=33071, magFilter=9728)
     info = {
         "index": texture,
@@ -82,6 +77,16 @@ def rich_gltf(folder: Path) -> Gltf:
     old = {"glossinessFactor": 0.5, "specularGlossinessTexture": info, "diffuseTexture": {"index": 0}}
     g.add("materials", extensions={"KHR_materials_pbrSpecularGlossiness": old})
     g.extend("KHR_materials_variants", variants=[{"name": "one"}, {"name": "two"}])
+
+
+def rich_gltf(folder: Path) -> Gltf:
+    """A file that uses all that the reader knows."""
+    g = Gltf()
+    positions, uv, indices = sphere(4, 6)
+    for name in ("KHR_materials_ior", "KHR_texture_transform", "KHR_mesh_quantization"):
+        g.extend(name, required=True)
+    g.extend("KHR_lights_punctual", lights=[{"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}])
+    rich_materials(g, folder)
     attributes = {"POSITION": g.accessor(positions), "NORMAL": g.accessor(positions), "TEXCOORD_0": g.accessor(uv)}
     variants = {"KHR_materials_variants": {"mappings": [{"material": 2, "variants": [1]}]}}
     triangles = g.accessor(indices.astype(np.uint16))
