@@ -93,8 +93,9 @@ _WHERE = {
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
     "RenderError", "SceneError", "Animation", "Group", "Image", "LiveScene", "Node", "Scene", "Transform", "blackbody",
-    "keyframes", "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
-    "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "volumes", "__version__",
+    "keyframes", "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras",
+    "environments", "errors", "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "volumes",
+    "__version__",
 ]  # fmt: skip
 
 
