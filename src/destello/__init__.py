@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from destello.render import render
     from destello.scene import Group, Scene
     from destello.transform import Transform, look_at, matrix, rotate, scale, shear, translate
+    from destello.viewer import view
 
 # Public name: module it comes from; a name without one is a module itself.
 _WHERE = {
@@ -61,6 +62,7 @@ _WHERE = {
     "scale": "transform",
     "shear": "transform",
     "translate": "transform",
+    "view": "viewer",
     "cameras": "",
     "environments": "",
     "errors": "",
@@ -76,7 +78,7 @@ _WHERE = {
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
     "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "keyframes", "load",
-    "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
+    "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "view", "cameras", "environments", "errors",
     "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
 ]  # fmt: skip
 

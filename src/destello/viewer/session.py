@@ -1,0 +1,187 @@
+"""One page: its camera, its picture while it grows, what it has selected. All but `closed` belongs to the render thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from viser._messages import BackgroundImageMessage
+
+from destello.color import Display, FloatArray
+from destello.denoise import denoise
+from destello.nodes import Node
+from destello.viewer.camera import Frame, View
+from destello.viewer.engine import Engine, Film
+from destello.viewer.picture import Bytes, jpeg, outline, shown
+from destello.viewer.resolution import STILL_AFTER, Pacer, Plan
+
+STATUS_EVERY = 0.4  # seconds
+_DENOISE_GROWTH = 2  # denoised anew when there are so many times the samples
+
+
+@dataclass
+class Lens:
+    """What a page's camera has besides its place. Lengths in metres; focus distance 0: on the target."""
+
+    aperture_radius: float = 0.0
+    focus_distance: float = 0.0
+
+
+@dataclass
+class Session:
+    """A page.
+
+    Attributes:
+        client: viser's handle. engine: renders.
+        frame: the page's coordinates.
+        view, lens, look: what is to be seen, and how.
+        denoised: whether noise is removed from the picture at rest.
+        limit: samples a pixel at which it is finished.
+        selected: the number of a shape in the scene, or None.
+        revision: of the scene that the film shows.
+        closed: the page has gone.
+    """
+
+    client: Any
+    engine: Engine
+    frame: Frame
+    view: View
+    lens: Lens = field(default_factory=Lens)
+    look: Display = field(default_factory=Display)
+    denoised: bool = False
+    limit: int = 1024
+    selected: int | None = None
+    revision: int = -1
+    closed: bool = False
+    on_status: Callable[[str], None] = lambda _: None
+    pacer: Pacer = field(default_factory=Pacer)
+    film: Film | None = None
+    frames: int = 0
+    rate: float = 0.0
+    _camera: Node | None = None
+    _moved: float = 0.0
+    _stale: bool = True
+    _sent: float = 0.0
+    _said: float = 0.0
+    _denoised_at: int = 0
+    _mask: Any = None
+
+    # --- what others ask for ------------------------------------------------------------------------------------------
+
+    def moved(self) -> None:
+        """The camera has moved, or the scene was touched: until it rests, frames are small and come quickly."""
+        self._moved = time.monotonic()
+
+    def redraw(self) -> None:
+        """The picture is the same, but looks another way."""
+        self._stale = True
+
+    @property
+    def camera(self) -> Node:
+        """The renderer's camera."""
+        return self.view.node(self.lens.aperture_radius, self.lens.focus_distance)
+
+    @property
+    def moving(self) -> bool:
+        """Whether something has changed a moment ago."""
+        return time.monotonic() - self._moved < STILL_AFTER
+
+    @property
+    def busy(self) -> bool:
+        """Whether there is something to render or to send."""
+        if self.closed:
+            return False
+        return self._stale or self._outdated(self.engine.revision) or self.film is None or self.film.spp < self.limit
+
+    @property
+    def urgent(self) -> bool:
+        """Whether something new is to be seen, beyond less noise."""
+        return not self.closed and (self.moving or self._stale or self._outdated(self.engine.revision))
+
+    # --- the render thread's turn -------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Renders one pass and sends the picture."""
+        began = time.monotonic()
+        moving = self.moving
+        changed = self._outdated(self.engine.revision)
+        done = 0 if changed or self.film is None else self.film.spp
+        plan = self.pacer.plan(self.view.width, self.view.height, moving=moving, done=done)
+        film = self._film(plan, changed)
+        if film.spp < self.limit:
+            samples = min(plan.spp, self.limit - film.spp)
+            self.engine.refining = not moving
+            if not self.engine.render(film, self._camera or self.camera, samples):
+                return  # interrupted by something newer
+            self._send(film, fine=not moving)
+            self.pacer.took(samples * film.width * film.height, time.monotonic() - began)
+        elif self._stale:
+            self._send(film, fine=not moving)
+        self._count(film, time.monotonic() - began)
+
+    def _outdated(self, revision: int) -> bool:
+        return self._camera is None or self.revision != revision or self.camera != self._camera
+
+    def _film(self, plan: Plan, changed: bool) -> Film:
+        """The film to go on with; an empty one if it would not fit any more."""
+        film = self.film
+        if film is not None and not changed and (film.width, film.height) == (plan.width, plan.height):
+            return film
+        if film is None or (film.width, film.height) != (plan.width, plan.height):
+            film = self.engine.film(plan.width, plan.height)
+        else:
+            film.clear()
+        self.film, self._camera, self.revision = film, self.camera, self.engine.revision
+        self._denoised_at, self._mask = 0, None
+        return film
+
+    def _send(self, film: Film, *, fine: bool) -> None:
+        if self.denoised and fine and not self._worth_denoising(film):
+            return
+        picture = self.picture(film) if self.denoised and fine else self.engine.picture(film, self.look)
+        if self.selected is not None:
+            picture = outline(picture, self._inside(film), 1 + film.height // 600)
+        self.send(BackgroundImageMessage("jpeg", jpeg(picture, fine=fine), None))
+        self._stale = False
+        self.frames += 1
+
+    def _worth_denoising(self, film: Film) -> bool:
+        if not self._stale and film.spp < min(self.limit, _DENOISE_GROWTH * self._denoised_at):
+            return False
+        self._denoised_at = film.spp
+        return True
+
+    def _inside(self, film: Film) -> Any:
+        """Which pixels show the selected shape."""
+        if self._mask is None or self._mask[0] != self.selected:
+            ids = self.engine.ids(self._camera or self.camera, film.width, film.height)
+            self._mask = (self.selected, ids == self.selected)
+        return self._mask[1]
+
+    def linear(self, film: Film) -> FloatArray:
+        """The film's radiance, without noise if that is wanted."""
+        mean = self.engine.linear(film)
+        return denoise(mean, *self.engine.features(film)) if self.denoised else mean
+
+    def picture(self, film: Film) -> Bytes:
+        """What the page shows, without the outline."""
+        return shown(self.look, self.linear(film))
+
+    def send(self, message: Any) -> None:
+        """Puts a message on its way at once, unless the page has gone."""
+        if not self.closed:
+            self.client._websock_connection.queue_message(message)
+            self.client.flush()
+
+    def _count(self, film: Film, seconds: float) -> None:
+        now = time.monotonic()
+        if self._sent:
+            interval = max(now - self._sent, 1e-6)
+            self.rate = 0.8 * self.rate + 0.2 / interval if self.rate else 1 / interval
+        self._sent = now
+        if now - self._said >= STATUS_EVERY or film.spp >= self.limit:
+            self._said = now
+            rates = f"{self.rate:.1f} frames/s, {1e-6 / self.pacer.seconds_per_sample:.3g} Msamples/s"
+            self.on_status(f"{film.spp} of {self.limit} samples at {film.width}x{film.height}; {rates}")
