@@ -7,6 +7,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 from destello.errors import Error
@@ -36,7 +37,7 @@ class App:
     def __init__(self, scene: Scene, device: str, threads: int = 0) -> None:
         """Compiles the scene. Raises what `Scene.compile` raises, and DeviceError."""
         self.document = Document(scene)
-        self.engine = Engine(device, threads)
+        self.engine = Engine.of(scene, device, threads)
         self.frame = 0
         self.sessions: dict[int, Session] = {}
         self.on_change: list[Task] = []
@@ -44,9 +45,8 @@ class App:
         self._tasks: queue.Queue[Task] = queue.Queue(_MOST_WAITING)
         self._wake = threading.Event()
         self._stopping = False
-        self._shown = -1
+        self._shown = 0
         self._thread = threading.Thread(target=self._run, name="destello-view", daemon=True)
-        self._show()
 
     def start(self) -> None:
         """Begins to render."""
@@ -57,7 +57,7 @@ class App:
         self._stopping = True
         for final in self.finals:
             final.cancel()
-        self.engine.cancel()
+        self.engine.give_way()
         self._wake.set()
         self._thread.join(seconds)
         return not self._thread.is_alive()
@@ -68,7 +68,7 @@ class App:
             self._tasks.put_nowait(task)
         except queue.Full:
             return  # a page that floods; what counts comes again with its next message
-        self.engine.cancel_refining()
+        self.engine.give_way()
         self._wake.set()
 
     @property
@@ -79,32 +79,24 @@ class App:
 
     def call(self, task: Callable[[], Any], seconds: float = 30.0) -> Any:
         """Does something in the render thread and waits for what it returns. Raises what it raises, or TimeoutError."""
-        done, box = threading.Event(), []
+        future: Future[Any] = Future()
 
         def run() -> None:
             try:
-                box.append((task(), None))
+                future.set_result(task())
             except BaseException as error:
-                box.append((None, error))
-            done.set()
+                future.set_exception(error)
 
         self.post(run)
-        if not done.wait(seconds):
-            raise TimeoutError("the viewer is busy")
-        value, error = box[0]
-        if error is not None:
-            raise error
-        return value
+        return future.result(seconds)
 
     def edit(self, label: str, change: Change, merge: object = None) -> None:
-        """Changes the scene, with undo, and shows it. Raises SceneError: then nothing has changed."""
-        before = self.document.revision
-        self.document.edit(label, change, merge)
-        if self.document.revision != before:
-            self._show_or_undo()
+        """Changes the scene, with undo, and shows it. If it cannot be shown, nothing has changed: raises SceneError."""
+        self.document.edit(label, change, self._update, merge)
+        self._noted()
 
     def undo(self) -> str | None:
-        """Takes the last change back."""
+        """Takes the last change back; returns what it was."""
         label = self.document.undo()
         self._show()
         return label
@@ -118,8 +110,9 @@ class App:
     def show_frame(self, frame: int) -> None:
         """Shows another frame of the animation."""
         if frame != self.frame:
-            self.frame, self._shown = frame, -1
-            self._show()
+            self.engine.live.set_frame(frame)
+            self.frame = frame
+            self._noted()
 
     # --- the thread ---------------------------------------------------------------------------------------------------
 
@@ -163,25 +156,22 @@ class App:
             except Error as error:
                 self.tell(str(error))
 
-    def _show_or_undo(self) -> None:
-        """Shows the scene as it is now; what cannot be rendered is taken back."""
-        try:
-            self._show()
-        except Error:
-            self.document.undo()
-            self._show()
-            raise
-
     def _show(self) -> None:
-        if self._shown == self.document.revision:
-            return
-        with self.document.lock:
-            scene, revision = self.document.scene.copy(), self.document.revision
-        self._shown = revision
-        self.engine.show(scene.at_frame(self.frame))
+        """Brings the device up to date with the scene, whoever changed it."""
+        if self._shown != self.document.revision:
+            self._shown = self.document.revision
+            with self.document.lock:
+                self._update(self.document.scene)
+            self._noted()
+
+    def _update(self, scene: Scene) -> None:
+        self.engine.live.update(scene, frame=self.frame)
+
+    def _noted(self) -> None:
+        self._shown = self.document.revision
         for session in self.sessions.values():
             session.moved()
-        for heard in self.on_change:
+        for heard in list(self.on_change):
             heard()
 
     def tell(self, text: str) -> None:

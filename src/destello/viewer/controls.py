@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from destello.color import srgb_decode, srgb_encode
+from destello.color_spaces import srgb_decode, srgb_encode
 from destello.nodes import Node
 from destello.schema import ParamDoc
 
@@ -51,8 +51,8 @@ def controls(node: Node, *, common: bool = False, skip: tuple[str, ...] = ()) ->
 
 def control(doc: ParamDoc, value: Any) -> Control | None:
     """The widget of one parameter; None: it cannot be edited here (a transform, a mesh's array, a whole material)."""
-    label = doc.name.replace("_", " ") + (f" ({doc.unit})" if doc.unit else "")
-    hint = " ".join(part for part in (doc.doc, doc.range_text) if part)
+    label = doc.name.replace("_", " ")
+    hint = f"{doc.doc}; {doc.range_text}" if doc.range_text else doc.doc
     if isinstance(value, Node):
         return Control(doc.name, label, hint, "text", _words(value))
     if doc.kind in ("scalar", "integer"):

@@ -34,27 +34,26 @@ class Document:
         self._history: History[Scene] = History()
         self._known = scene.copy()
 
-    def edit(self, label: str, change: Change, merge: object = None) -> None:
-        """Changes the scene and remembers how it was. If the change raises, or makes no sense, nothing has happened.
+    def edit(self, label: str, change: Change, accept: Change, merge: object = None) -> None:
+        """Changes the scene and remembers how it was. If `change` or `accept` raises, nothing has happened.
 
         Args:
             label: what it is, in a few words, for undo.
             change: does it, to the scene itself.
+            accept: called with the changed scene: shows it, or raises.
             merge: edits with the same key that follow each other are undone as one.
-
-        Raises SceneError.
         """
         with self.lock:
             self.poll()
             before = self._known
             try:
                 change(self.scene)
-                self.scene.validate()
+                if same(before, self.scene):
+                    return
+                accept(self.scene)
             except BaseException:
                 put_back(self.scene, before)
                 raise
-            if same(before, self.scene):
-                return
             self._history.record(label, before, merge)
             self._noted()
 

@@ -38,6 +38,8 @@ class Page:
         self.lights = LightsPanel(self, tabs)
         self.save = SavePanel(self, tabs)
         self._panels = [self.view, self.object, self.lights, self.save]
+        if self.session.view.width < self.session.view.height:
+            gui.main_panel.minimize()  # on a phone the panel would hide the picture
         self.session.on_status = self.view.say
         self.app.on_change.append(self.refresh)
         client.camera.on_update(self._camera_moved)
@@ -120,11 +122,11 @@ class Page:
     def _click(self, x: float, y: float) -> None:
         session = self.session
         view = session.view
-        hit = self.app.engine.pick(session.camera, view.width, view.height, x * view.width, y * view.height)
+        hit = self.app.engine.live.pick(x * view.width, y * view.height, (view.width, view.height), session.camera)
         if self.view.focus_by_click:
             self.view.focus_at(None if hit is None else hit.point)
         else:
-            self.select(None if hit is None else hit.shape)
+            self.select(None if hit is None else hit.index)
 
     def _turn(self, what: str) -> None:
         label = self.app.undo() if what == "Undo" else self.app.redo()

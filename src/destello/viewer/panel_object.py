@@ -80,7 +80,10 @@ class ObjectPanel:
     # --- drawing ------------------------------------------------------------------------------------------------------
 
     def _same_widgets(self, shape: Node) -> bool:
-        return self._material is None or self._material.fits(shape["material"])
+        material = shape["material"] if shape.type != "instance" else None
+        if self._material is None or not isinstance(material, Node):
+            return self._material is None and not isinstance(material, Node)
+        return self._material.fits(material)
 
     def _clear(self) -> None:
         if self._gizmo is not None:
@@ -100,8 +103,7 @@ class ObjectPanel:
         else:
             self._gui.add_markdown(f"It stays where it is: {problem}.")
         if shape.type != "instance" and isinstance(shape["material"], Node):
-            with self._gui.add_folder("Material"):
-                self._material = MaterialWidgets(self._page, shape["material"])
+            self._material = MaterialWidgets(self._page, shape["material"])
         elif shape.type == "instance":
             self._gui.add_markdown(f"An instance of the group **{shape['group']}**, whose shapes have the materials.")
 
@@ -204,7 +206,7 @@ class MaterialWidgets:
     def fits(self, root: Node) -> bool:
         """Whether the widgets can show this material, too."""
         mine = [node.type for node in self._root.walk()]
-        return isinstance(root, Node) and mine == [node.type for node in root.walk()]
+        return mine == [node.type for node in root.walk()]
 
     def refresh(self, root: Node) -> None:
         """Shows the material, which `fits`."""
@@ -221,7 +223,7 @@ class MaterialWidgets:
             types = [
                 d.type for d in schema().kinds["material"].values() if not any(p.required for p in d.params.values())
             ]
-            self._type = self._gui.add_dropdown("Type", sorted({*types, node.type}), initial_value=node.type)
+            self._type = self._gui.add_dropdown("Material", sorted({*types, node.type}), initial_value=node.type)
             listen(self._type, self._page.post, self._type_chosen)
             self._own = Widgets(self._gui, controls(node), self._page.post, self._set)
             with self._gui.add_folder("Surface and inside", expand_by_default=False):

@@ -72,11 +72,11 @@ class SavePanel:
     def _save_picture(self, kind: str) -> None:
         session = self._session
         film = session.film
-        if film is None or film.spp == 0:
+        if film is None or film.samples == 0:
             raise InputError("there is no picture yet", expected="a moment's patience")
-        albedo, normal = session.engine.features(film)
-        metadata = {"scene": self._stem, "spp": film.spp, "device": session.engine.device.name}
-        image = Image(session.linear(film), metadata, {"albedo": albedo, "normal": normal}, display=session.look)
+        metadata = {"scene": self._stem, "spp": film.samples, "device": session.engine.live.device.name}
+        layers = {"albedo": film.albedo(), "normal": film.normal()}
+        image = Image(session.linear(film), metadata, layers, display=session.look)
         self._send_image(image, self._stem, kind)
 
     def _send_image(self, image: Image, stem: str, kind: str) -> None:
@@ -128,12 +128,13 @@ class SavePanel:
             raise InputError("another page's final render is running", expected="to wait for its end")
         scene = app.document.scene.copy().at_frame(app.frame)
         scene.cameras[_VIEW] = self._camera()
-        look = session.look
-        scene.render.exposure, scene.render.tone, scene.render.curve = look.exposure, look.tone, look.curve
+        look, settings = session.look, scene.render
+        settings.iso = settings.exposure_time = settings.f_number = None  # the exposure has them in it
+        settings.exposure, settings.tone, settings.curve = look.exposure, look.tone, look.curve
         denoise = bool(self._denoise.value) and available()
         size = (int(self._width.value), int(self._height.value))
         self._final = FinalRender(
-            scene, _VIEW, int(self._spp.value), size, session.engine.device.name, denoise,
+            scene, _VIEW, int(self._spp.value), size, session.engine.live.device.name, denoise,
             lambda status: self._page.post(lambda: self._show(status)), self._ended,
         )  # fmt: skip
         app.finals.append(self._final)

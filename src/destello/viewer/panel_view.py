@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.color import CURVES, TONES
+from destello.color import CURVES
 from destello.denoise import available
+from destello.tones import TONES
 from destello.viewer.camera import View, field_of_view, focal_length
 from destello.viewer.widgets import listen
 
@@ -113,11 +114,11 @@ class ViewPanel:
     def _look(self, gui: Any) -> None:
         look = self._session.look
         exposure = gui.add_slider("Exposure", -8.0, 8.0, 0.05, min(8.0, max(-8.0, look.exposure)), hint="stops")
-        tone = gui.add_dropdown("Tone curve", TONES, initial_value=look.tone)
+        tone = gui.add_dropdown("Tone curve", tuple(TONES), initial_value=look.tone)
         curve = gui.add_dropdown("Transfer", CURVES, initial_value=look.curve)
 
         def changed() -> None:
-            look = self._session.look.changed(exposure.value, tone.value, curve.value)
+            look = self._session.look.changed(exposure=exposure.value, tone=tone.value, curve=curve.value)
             self._session.look = look
             self._session.redraw()
 

@@ -1,37 +1,16 @@
-"""From linear radiance to the bytes that a page shows, and the outline of what is selected."""
+"""What a page is sent: JPEGs, and in them the outline of what is selected."""
 
 from __future__ import annotations
 
 import io
-import os
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as Pillow
 
-from destello.color import Display, FloatArray
-
 Bytes = npt.NDArray[np.uint8]
 
 OUTLINE = (255, 140, 26)  # orange, as editors have it
-_BAND = 1 << 16  # pixels a thread converts at a time
-
-
-@cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(min(16, os.cpu_count() or 1), thread_name_prefix="destello-picture")
-
-
-def shown(display: Display, linear: FloatArray) -> Bytes:
-    """What a display shows, as `Display.quantise` has it, (height, width, 3) uint8; rows are spread over the cores."""
-    height, width = linear.shape[:2]
-    rows = max(1, _BAND // width)
-    if height <= rows:
-        return display.quantise(linear)
-    bands = [linear[first : first + rows] for first in range(0, height, rows)]
-    return np.concatenate(list(_pool().map(display.quantise, bands)))
 
 
 def outline(picture: Bytes, inside: npt.NDArray[np.bool_], thickness: int = 1) -> Bytes:

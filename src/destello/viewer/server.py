@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import math
@@ -61,17 +62,19 @@ class Viewer:
         self.port = int(self._server.get_port())
         self.url = address(host, self.port, self._access)
         self._app.start()
+        atexit.register(self.stop)  # a program that ends shall not leave the render thread in the core
 
     @property
     def device(self) -> Device:
         """What renders, and why that."""
-        return self._app.engine.device
+        return self._app.engine.live.device
 
     def stop(self) -> None:
         """Ends the server and frees everything; pages lose their connection. Safe to call again."""
         if self._stopped.is_set():
             return
         self._stopped.set()
+        atexit.unregister(self.stop)
         for session in list(self._app.sessions.values()):
             session.closed = True
         for page in list(self._pages.values()):
@@ -133,7 +136,7 @@ class Viewer:
         lens = Lens()
         if camera is not None and camera.type == "perspective":
             lens = Lens(camera["aperture_radius"], camera["focus_distance"])
-        look = Display(wanted.exposure, wanted.tone, wanted.curve)
+        look = Display.of(wanted)
         session = Session(client, self._app.engine, self._frame, view, lens, look, limit=max(256, wanted.spp))
         page = Page(self._app, session)
         self._pages[client.client_id] = page

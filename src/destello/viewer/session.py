@@ -1,4 +1,4 @@
-"""One page: its camera, its picture while it grows, what it has selected. All but `closed` belongs to the render thread."""
+"""One page: its camera, its picture while it grows, what it has selected. Only the render thread uses it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from viser._messages import BackgroundImageMessage
 
 from destello.color import Display, FloatArray
 from destello.denoise import denoise
+from destello.live_film import LiveFilm
 from destello.nodes import Node
 from destello.viewer.camera import Frame, View
-from destello.viewer.engine import Engine, Film
-from destello.viewer.picture import Bytes, jpeg, outline, shown
+from destello.viewer.engine import Engine
+from destello.viewer.picture import jpeg, outline
 from destello.viewer.resolution import STILL_AFTER, Pacer, Plan
 
 STATUS_EVERY = 0.4  # seconds
+_GUIDES = 16  # samples with albedo and normal
 _DENOISE_GROWTH = 2  # denoised anew when there are so many times the samples
 
 
@@ -57,11 +59,11 @@ class Session:
     closed: bool = False
     on_status: Callable[[str], None] = lambda _: None
     pacer: Pacer = field(default_factory=Pacer)
-    film: Film | None = None
+    film: LiveFilm | None = None
     frames: int = 0
     rate: float = 0.0
     _camera: Node | None = None
-    _moved: float = 0.0
+    _moved: float = field(default_factory=time.monotonic)  # a new page gets a quick picture first
     _stale: bool = True
     _sent: float = 0.0
     _said: float = 0.0
@@ -93,7 +95,10 @@ class Session:
         """Whether there is something to render or to send."""
         if self.closed:
             return False
-        return self._stale or self._outdated(self.engine.revision) or self.film is None or self.film.spp < self.limit
+        film = self.film
+        if film is None or self._stale or self._outdated(self.engine.revision):
+            return True
+        return film.samples < self.limit or (film.width, film.height) != (self.view.width, self.view.height)
 
     @property
     def urgent(self) -> bool:
@@ -107,67 +112,67 @@ class Session:
         began = time.monotonic()
         moving = self.moving
         changed = self._outdated(self.engine.revision)
-        done = 0 if changed or self.film is None else self.film.spp
-        plan = self.pacer.plan(self.view.width, self.view.height, moving=moving, done=done)
-        film = self._film(plan, changed)
-        if film.spp < self.limit:
-            samples = min(plan.spp, self.limit - film.spp)
-            self.engine.refining = not moving
-            if not self.engine.render(film, self._camera or self.camera, samples):
-                return  # interrupted by something newer
+        done = 0 if changed or self.film is None else self.film.samples
+        shown = 0 if changed or self.film is None else self.film.width * self.film.height
+        plan = self.pacer.plan(self.view.width, self.view.height, moving=moving, done=done, shown=shown)
+        film, done = self._film(plan, changed)
+        if done < self.limit:
+            samples = min(plan.spp, self.limit - done)
+            guides = not moving and film.guide_samples < _GUIDES
+            if not self.engine.render(film, self._camera or self.camera, samples, guides=guides, refining=not moving):
+                return  # something newer goes first
             self._send(film, fine=not moving)
             self.pacer.took(samples * film.width * film.height, time.monotonic() - began)
         elif self._stale:
             self._send(film, fine=not moving)
-        self._count(film, time.monotonic() - began)
+        else:
+            time.sleep(0.01)  # a small picture is finished: it will soon have rested long enough for a large one
+        self._count(film)
 
     def _outdated(self, revision: int) -> bool:
         return self._camera is None or self.revision != revision or self.camera != self._camera
 
-    def _film(self, plan: Plan, changed: bool) -> Film:
-        """The film to go on with; an empty one if it would not fit any more."""
+    def _film(self, plan: Plan, changed: bool) -> tuple[LiveFilm, int]:
+        """The film to go on with, and its samples a pixel: an empty one if the old one does not fit any more."""
         film = self.film
-        if film is not None and not changed and (film.width, film.height) == (plan.width, plan.height):
-            return film
-        if film is None or (film.width, film.height) != (plan.width, plan.height):
-            film = self.engine.film(plan.width, plan.height)
+        fits = film is not None and (film.width, film.height) == (plan.width, plan.height)
+        if film is not None and fits and not changed:
+            return film, film.samples
+        if film is None or not fits:
+            film = self.engine.live.film(plan.width, plan.height, guides=True)
         else:
-            film.clear()
+            film.restart()
         self.film, self._camera, self.revision = film, self.camera, self.engine.revision
         self._denoised_at, self._mask = 0, None
-        return film
+        return film, 0
 
-    def _send(self, film: Film, *, fine: bool) -> None:
+    def _send(self, film: LiveFilm, *, fine: bool) -> None:
         if self.denoised and fine and not self._worth_denoising(film):
             return
-        picture = self.picture(film) if self.denoised and fine else self.engine.picture(film, self.look)
+        picture = self.look.quantise(self.linear(film)) if self.denoised and fine else film.picture(self.look)
         if self.selected is not None:
             picture = outline(picture, self._inside(film), 1 + film.height // 600)
         self.send(BackgroundImageMessage("jpeg", jpeg(picture, fine=fine), None))
         self._stale = False
         self.frames += 1
 
-    def _worth_denoising(self, film: Film) -> bool:
-        if not self._stale and film.spp < min(self.limit, _DENOISE_GROWTH * self._denoised_at):
+    def _worth_denoising(self, film: LiveFilm) -> bool:
+        if not self._stale and film.samples < min(self.limit, _DENOISE_GROWTH * self._denoised_at):
             return False
-        self._denoised_at = film.spp
+        self._denoised_at = film.samples
         return True
 
-    def _inside(self, film: Film) -> Any:
+    def _inside(self, film: LiveFilm) -> Any:
         """Which pixels show the selected shape."""
         if self._mask is None or self._mask[0] != self.selected:
-            ids = self.engine.ids(self._camera or self.camera, film.width, film.height)
+            ids = self.engine.live.ids((film.width, film.height), self._camera or self.camera)
             self._mask = (self.selected, ids == self.selected)
         return self._mask[1]
 
-    def linear(self, film: Film) -> FloatArray:
+    def linear(self, film: LiveFilm) -> FloatArray:
         """The film's radiance, without noise if that is wanted."""
-        mean = self.engine.linear(film)
-        return denoise(mean, *self.engine.features(film)) if self.denoised else mean
-
-    def picture(self, film: Film) -> Bytes:
-        """What the page shows, without the outline."""
-        return shown(self.look, self.linear(film))
+        mean = film.mean()
+        return denoise(mean, film.albedo(), film.normal()) if self.denoised else mean
 
     def send(self, message: Any) -> None:
         """Puts a message on its way at once, unless the page has gone."""
@@ -175,13 +180,13 @@ class Session:
             self.client._websock_connection.queue_message(message)
             self.client.flush()
 
-    def _count(self, film: Film, seconds: float) -> None:
+    def _count(self, film: LiveFilm) -> None:
         now = time.monotonic()
         if self._sent:
             interval = max(now - self._sent, 1e-6)
             self.rate = 0.8 * self.rate + 0.2 / interval if self.rate else 1 / interval
         self._sent = now
-        if now - self._said >= STATUS_EVERY or film.spp >= self.limit:
+        if now - self._said >= STATUS_EVERY or film.samples >= self.limit:
             self._said = now
             rates = f"{self.rate:.1f} frames/s, {1e-6 / self.pacer.seconds_per_sample:.3g} Msamples/s"
-            self.on_status(f"{film.spp} of {self.limit} samples at {film.width}x{film.height}; {rates}")
+            self.on_status(f"{film.samples} of {self.limit} samples at {film.width}x{film.height}; {rates}")

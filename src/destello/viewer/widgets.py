@@ -78,7 +78,7 @@ class Widgets:
         """A colour without an upper bound: its hue, and how strong it is."""
         picked, strength = c.value
         hue = gui.add_rgb(c.label, picked, hint=c.hint)
-        power = gui.add_number(f"{c.label}: strength", strength, min=0.0, hint="the largest of its channels")
+        power = gui.add_number("strength", strength, min=0.0, hint=f"of {c.label}: its largest channel")
 
         def write(value: tuple[tuple[int, int, int], float]) -> None:
             hue.value, power.value = value
