@@ -94,9 +94,10 @@ def test_frames_come_quickly_while_moving_and_fine_at_rest(cost: float) -> None:
     assert seconds < 0.1 or plan.width <= 128  # over 10 frames a second, or as coarse as it goes
     assert plan.width / plan.height == pytest.approx(1.6, rel=0.03)
     assert plan.full == (cost < 1e-7)
-    still = pacer.plan(1280, 800, moving=False, done=1000)
+    first = pacer.plan(1280, 800, moving=False, shown=plan.width * plan.height)
+    assert first.full or cost * first.width * first.height <= 0.5  # something better soon, whatever it costs
+    still = pacer.plan(1280, 800, moving=False, done=1000, shown=first.width * first.height)
     assert (still.width, still.height) == (1280, 800)
-    assert still.spp >= 1
     assert cost * 1280 * 800 * (still.spp - 1) <= 0.2
 
 
