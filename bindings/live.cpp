@@ -9,6 +9,7 @@
 
 #include "accel/traverse_host.h"
 #include "backend/first_hits.h"
+#include "base/parallel.h"
 #include "bindings/build_quality.h"
 #include "bindings/params.h"
 #include "bindings/register.h"
@@ -39,10 +40,12 @@ AnyCamera to_camera(const std::string& type, const nb::dict& params) {
   });
 }
 
-Display to_display(float factor, const std::string& tone, const std::string& curve) {
+Display to_display(const nb::object& matrix, const std::string& tone, const std::string& curve) {
   Display d;
-  d.factor = factor;
-  const char* tones[] = {"none", "agx", "neutral"};
+  d.red = to_vec3(matrix[0], "matrix", false);
+  d.green = to_vec3(matrix[1], "matrix", false);
+  d.blue = to_vec3(matrix[2], "matrix", false);
+  const char* tones[] = {"none", "agx", "neutral", "filmic"};
   const char* curves[] = {"srgb", "gamma2", "gamma2.2", "linear"};
   const auto find = [](const auto& names, const std::string& name) {
     for (uint32_t i = 0; i < std::size(names); ++i)
@@ -54,6 +57,21 @@ Display to_display(float factor, const std::string& tone, const std::string& cur
   return d;
 }
 
+// As FilmHandle::picture, of linear radiance.
+nb::object show_radiance(const nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>& rgb,
+                         const nb::object& matrix, const std::string& tone, const std::string& curve) {
+  const Display display = to_display(matrix, tone, curve);
+  uint8_t* data;
+  nb::object array = new_array<uint8_t>({rgb.shape(0), rgb.shape(1), 3}, &data);
+  const float* from = rgb.data();
+  const size_t pixels = rgb.shape(0) * rgb.shape(1);
+  const nb::gil_scoped_release release;
+  parallel_ranges(pixels, 8192, 0, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) show(display, {from[3 * i], from[3 * i + 1], from[3 * i + 2]}, data + 3 * i);
+  });
+  return array;
+}
+
 // A film with the wish to stop what is rendered into it.
 class FilmHandle {
  public:
@@ -62,12 +80,14 @@ class FilmHandle {
   std::atomic<bool>& cancelled() { return cancelled_; }
 
   void cancel() { cancelled_ = true; }
-  void clear() { unlocked([&] { film_->clear(); }); }
+  void clear() {
+    unlocked([&] { film_->clear(); });
+  }
   nb::object mean() const {
     return fetch<float>([&](float* to) { film_->mean(to); });
   }
-  nb::object picture(float factor, const std::string& tone, const std::string& curve) const {
-    const Display display = to_display(factor, tone, curve);
+  nb::object picture(const nb::object& matrix, const std::string& tone, const std::string& curve) const {
+    const Display display = to_display(matrix, tone, curve);
     return fetch<uint8_t>([&](uint8_t* to) { film_->picture(display, to); });
   }
   nb::object feature(const std::string& name) const {
@@ -191,8 +211,8 @@ void set_environment_values(SceneEditor& editor, const std::string& type, const 
 }  // namespace
 
 void register_live(nb::module_& m) {
-  nb::class_<SceneEditor, SceneBuilder>(m, "SceneEditor",
-                                        "A builder whose scene can be changed after it is finished: see core/scene/scene_edit.h.")
+  nb::class_<SceneEditor, SceneBuilder>(
+      m, "SceneEditor", "A builder whose scene can be changed after it is finished: see core/scene/scene_edit.h.")
       .def(nb::init<>())
       .def(
           "start",
@@ -231,9 +251,13 @@ void register_live(nb::module_& m) {
       .def("cancel", &FilmHandle::cancel,
            "Makes the render into this film, or else the next one, return early; from any thread.")
       .def("mean", &FilmHandle::mean, "(height, width, 3) float32, linear Rec.709.")
-      .def("picture", &FilmHandle::picture, nb::arg("factor"), nb::arg("tone"), nb::arg("curve"),
-           "(height, width, 3) uint8: code values of a display.")
+      .def("picture", &FilmHandle::picture, nb::arg("matrix"), nb::arg("tone"), nb::arg("curve"),
+           "(height, width, 3) uint8: code values of a display. matrix: 3 rows of 3, from the film's colours to its "
+           "own.")
       .def("feature", &FilmHandle::feature, nb::arg("name"), "(height, width, 3) float32: albedo or normal.");
+
+  m.def("show_radiance", &show_radiance, nb::arg("rgb"), nb::arg("matrix"), nb::arg("tone"), nb::arg("curve"),
+        "Linear radiance, (height, width, 3), to code values: as LiveFilm.picture.");
 
   nb::class_<LiveRenderer>(m, "LiveRenderer", "A SceneEditor's scene on a device.")
       .def(nb::init<SceneEditor&, const std::string&, uint32_t>(), nb::arg("editor"), nb::arg("device") = "cpu",

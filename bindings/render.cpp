@@ -222,16 +222,14 @@ RenderTask to_task(const Scene& scene, const nb::dict& settings, uint32_t width,
   task.crop = {0, 0, width, height};
   task.execution = to_execution(setting<std::string>(settings, "execution", "auto"));
   const Vec2 center{0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)};
-  for (const uint32_t i : scene.interiors_at(task.settings.camera.visit(CenterRay{center})))
-    task.camera_inside.push(i);
+  for (const uint32_t i : scene.interiors_at(task.settings.camera.visit(CenterRay{center}))) task.camera_inside.push(i);
   return task;
 }
 
 std::unique_ptr<Backend> make_backend(const Scene& scene, const std::string& device, uint32_t threads) {
   if (device == "cpu") return make_cpu_backend(scene, threads);
 #if defined(DST_HAS_CUDA)
-  if (device.rfind("cuda", 0) == 0)
-    return make_cuda_backend(scene, device == "cuda" ? 0 : std::stoi(device.substr(5)));
+  if (device.rfind("cuda", 0) == 0) return make_cuda_backend(scene, device == "cuda" ? 0 : std::stoi(device.substr(5)));
 #endif
   throw std::invalid_argument("device '" + device + "': unknown here");
 }
@@ -241,9 +239,7 @@ namespace {
 class Renderer {
  public:
   Renderer(const nb::object& scene, const std::string& device, uint32_t threads)
-      : keep_(scene),
-        scene_(nb::cast<const Scene&>(scene)),
-        backend_(make_backend(scene_, device, threads)) {}
+      : keep_(scene), scene_(nb::cast<const Scene&>(scene)), backend_(make_backend(scene_, device, threads)) {}
 
   nb::dict render(Film& film, uint32_t camera, uint32_t first, uint32_t last, const nb::dict& settings,
                   const nb::object& crop) {

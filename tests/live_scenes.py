@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import destello as dl
-from destello.live import LiveScene
+from destello.live import Edit, LiveScene
 
 SIZE = (48, 32)
 
@@ -48,12 +48,13 @@ def picture(live: LiveScene, samples: int = 4, size: tuple[int, int] = SIZE) -> 
     """(height, width, 3): the mean of so many samples."""
     film = live.film(*size)
     done = live.render(film, samples)
-    assert not done.cancelled and film.samples == samples
+    assert not done.cancelled
+    assert film.samples == samples
     return film.mean()
 
 
-def random_edit(live: LiveScene, rng: np.random.Generator) -> str:
-    """One edit, and what it was."""
+def random_edit(live: LiveScene, rng: np.random.Generator) -> tuple[str, Edit]:
+    """One edit: its kind, and what it took."""
     kind = str(rng.choice(["move", "material", "type", "share", "everywhere", "light", "lights", "environment", "sky"]))
     scene = live.scene
     if kind == "move":
@@ -61,27 +62,31 @@ def random_edit(live: LiveScene, rng: np.random.Generator) -> str:
         i = int(rng.choice(movable))
         turn = dl.rotate(tuple(rng.normal(size=3)), float(rng.uniform(0, 360)))
         place = dl.translate(*rng.uniform([-3, 0.3, -2], [3, 2, 3])) @ turn @ dl.scale(float(rng.uniform(0.4, 1.3)))
-        live.set_transform(i, place)
+        edit = live.set_transform(i, place)
     elif kind in ("material", "type", "share"):
         painted = [i for i, shape in enumerate(scene.shapes) if shape.type != "instance"]
         i = int(rng.choice(painted))
-        live.set_material(i, random_material(live, i, kind, rng))
+        edit = live.set_material(i, random_material(live, i, kind, rng))
     elif kind == "everywhere":
-        red = next(m for m in scene.materials() if m.type == "conductor")
-        live.set_material(red, {"roughness": float(rng.uniform(0.1, 0.9))})
+        metal = next(m for m in scene.materials() if m.type == "conductor")
+        edit = live.set_material(metal, {"roughness": float(rng.uniform(0.1, 0.9))})
     elif kind == "light":
-        live.set_light(int(rng.integers(len(scene.lights))), {"transform": dl.translate(*rng.uniform(-0.5, 0.5, 3))})
+        edit = live.set_light(
+            int(rng.integers(len(scene.lights))), {"transform": dl.translate(*rng.uniform(-0.5, 0.5, 3))}
+        )
     elif kind == "lights":
         changed = scene.copy()
         changed.lights = [dl.lights.point(position=rng.uniform(1, 4, 3), intensity=9) for _ in range(rng.integers(3))]
         changed.lights += scene.lights[:1]
-        live.update(changed)
+        edit = live.update(changed)
     elif kind == "environment":
-        live.set_environment(None if rng.random() < 0.2 else {"type": "constant", "radiance": float(rng.uniform(0, 1))})
+        edit = live.set_environment(
+            None if rng.random() < 0.2 else {"type": "constant", "radiance": float(rng.uniform(0, 1))}
+        )
     else:
         pixels = rng.uniform(0, 1, (4, 8, 3)).astype(np.float32)
-        live.set_environment(dl.environments.image(pixels, transform=dl.rotate("y", float(rng.uniform(0, 360)))))
-    return kind
+        edit = live.set_environment(dl.environments.image(pixels, transform=dl.rotate("y", float(rng.uniform(0, 360)))))
+    return kind, edit
 
 
 def random_material(live: LiveScene, i: int, kind: str, rng: np.random.Generator) -> Any:

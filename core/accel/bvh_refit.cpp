@@ -25,7 +25,7 @@ float relative_surface(const std::vector<Node8>& nodes, uint32_t root) {
     Bounds all;
     for (uint32_t s = 0; s < 8; ++s) {
       if (!node.is_used(s)) continue;
-      const auto plane = [&](const uint8_t(&bytes)[3][8], int k) {
+      const auto plane = [&](const uint8_t (&bytes)[3][8], int k) {
         const float step = bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23);
         return node.origin[k] + step * static_cast<float>(bytes[k][s]);
       };

@@ -35,8 +35,7 @@ class HostLiveFilm final : public LiveFilm {
     for_each_pixel([&](size_t i) { put(mean_radiance(channels(sums_, i, kFilmChannels)), rgb + 3 * i); });
   }
   void picture(const Display& display, uint8_t* rgb) override {
-    for_each_pixel(
-        [&](size_t i) { show(display, mean_radiance(channels(sums_, i, kFilmChannels)), rgb + 3 * i); });
+    for_each_pixel([&](size_t i) { show(display, mean_radiance(channels(sums_, i, kFilmChannels)), rgb + 3 * i); });
   }
   void albedo(float* rgb) override { feature(kAovAlbedo, rgb); }
   void normal(float* xyz) override { feature(kAovNormal, xyz); }

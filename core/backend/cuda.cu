@@ -93,14 +93,7 @@ class CudaBackend final : public Backend {
 
  private:
   RenderCounts render_into(const DeviceFilm& film, const RenderTask& task, const std::atomic<bool>& cancel) const {
-    KernelParams p{scene_->view(),
-                   task,
-                   film,
-                   counts_.data(),
-                   shade_class_.data(),
-                   0,
-                   0,
-                   0};
+    KernelParams p{scene_->view(), task, film, counts_.data(), shade_class_.data(), 0, 0, 0};
     const Rect& c = task.crop;
     p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
     p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;

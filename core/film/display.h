@@ -1,16 +1,16 @@
-// From a pixel's sums to what a display shows, for frames that must come quickly: the steps of src/destello/color.py, which
-// explains them and names the sources. A test holds the two together.
+// From a pixel's sums to what a display shows, for frames that must come quickly: steps of src/destello/color.py and tones.py,
+// which explain them and name the sources. A test holds the two together.
 #pragma once
 
 #include "film/film.h"
 
 namespace destello {
 
-enum class ToneCurve : uint32_t { None, Agx, Neutral };
+enum class ToneCurve : uint32_t { None, Agx, Neutral, Filmic };
 enum class TransferCurve : uint32_t { Srgb, Gamma2, Gamma22, Linear };
 
 struct Display {
-  float factor = 1;  // 2 to the power of the exposure
+  Vec3 red{1, 0, 0}, green{0, 1, 0}, blue{0, 0, 1};  // from the film's colours to the display's: rows of a matrix
   ToneCurve tone = ToneCurve::None;
   TransferCurve curve = TransferCurve::Srgb;
 };
@@ -63,6 +63,14 @@ DST_FN Vec3 tone_agx(Vec3 c) {
           linear(-0.052998662f * s.x - 0.0980377048f * s.y + 1.15103638f * s.z)};
 }
 
+DST_FN float tone_filmic(float x) {
+  constexpr float kA = 0.22f, kB = 0.30f, kC = 0.10f, kD = 0.20f, kE = 0.01f, kF = 0.30f, kWhite = 11.2f;
+  const auto hable = [](float v) {
+    return (v * (kA * v + kC * kB) + kD * kE) / (v * (kA * v + kB) + kD * kF) - kE / kF;
+  };
+  return hable(min(max(2 * x, 0.0f), 1e12f)) / hable(kWhite);
+}
+
 // Linear, in [0, 1], to a code value in [0, 1].
 DST_FN float encode(float x, TransferCurve curve) {
   switch (curve) {
@@ -75,12 +83,13 @@ DST_FN float encode(float x, TransferCurve curve) {
 
 // The three bytes of a pixel. What is not a number counts as 0.
 DST_FN void show(const Display& display, Vec3 radiance, uint8_t* rgb) {
-  const auto expose = [&](float x) { return x == x ? min(max(x * display.factor, -1e30f), 1e30f) : 0.0f; };
-  Vec3 c{expose(radiance.x), expose(radiance.y), expose(radiance.z)};
+  const auto bounded = [](float x) { return x == x ? min(max(x, -1e30f), 1e30f) : 0.0f; };
+  const Vec3 r{bounded(radiance.x), bounded(radiance.y), bounded(radiance.z)};
+  Vec3 c{bounded(dot(display.red, r)), bounded(dot(display.green, r)), bounded(dot(display.blue, r))};
   if (display.tone == ToneCurve::Agx) c = tone_agx(c);
   if (display.tone == ToneCurve::Neutral) c = tone_neutral(c);
-  for (int k = 0; k < 3; ++k)
-    rgb[k] = static_cast<uint8_t>(encode(saturate(c[k]), display.curve) * 255.0f + 0.5f);
+  if (display.tone == ToneCurve::Filmic) c = {tone_filmic(c.x), tone_filmic(c.y), tone_filmic(c.z)};
+  for (int k = 0; k < 3; ++k) rgb[k] = static_cast<uint8_t>(encode(saturate(c[k]), display.curve) * 255.0f + 0.5f);
 }
 
 // Mean albedo and normal of a pixel; 0 where there is no sample. `sum(channel)`: AovChannel.

@@ -1,8 +1,9 @@
-"""A scene that is edited while it is shown: `LiveScene` renders it, tells what is under a pixel, and takes edits.
+"""A scene that is edited while it is shown: `LiveScene` renders it, says what is under a pixel, takes edits.
 
-An edit rebuilds what it touches: moving an object refits the tree over the objects and leaves meshes alone, a material's
-constants are a few bytes, lights are weighed anew. What cannot be done in place is compiled anew, and says so (`Edit`).
-After any edits the pictures are those of a LiveScene made of the edited scene, to the bit but where surfaces coincide.
+An edit rebuilds what it touches: moving an object refits the tree over the objects and leaves meshes alone, constants
+of a material are a few bytes, lights are weighed anew. What cannot be done in place is compiled anew, and says so
+(`Edit`). After any edits the pictures are those of a LiveScene made of the edited scene, to the bit but where surfaces
+coincide.
 """
 
 from __future__ import annotations
@@ -94,8 +95,8 @@ class Pass:
 class LiveScene:
     """A scene on a device, compiled once and then edited.
 
-    Every method may be called from any thread. Renders take turns; an edit cancels the one that is running and waits for
-    no other. `pick` and `ids` run beside renders.
+    Every method may be called from any thread. Renders take turns; an edit cancels the one that is running and goes
+    before the others. `pick` and `ids` run beside renders.
 
     Attributes:
         scene: the scene as it is now, a copy: change it by the methods here.
@@ -139,8 +140,8 @@ class LiveScene:
     def update(self, scene: Scene, *, frame: int | None = None) -> Edit:
         """Shows another version of the scene: what differs from the present one is edited.
 
-        Undo is the earlier scene again. Nodes are best shared between versions (`Scene.copy` does): the same objects are
-        not compared. Raises SceneError, and RenderError if the device fails; the scene then stays as it was.
+        Undo is the earlier scene again. Nodes are best shared between versions (`Scene.copy` does): the same objects
+        are not compared. Raises SceneError, and RenderError if the device fails; the scene then stays as it was.
         """
         began = monotonic()
         with self._editing():
@@ -203,7 +204,7 @@ class LiveScene:
         devices.check_fits(width, height, aovs=guides)
         with _device_errors():
             core = self._renderer.film(width, height, guides)
-        return LiveFilm(core, width, height, guides)
+        return LiveFilm(core, width, height, guides=guides)
 
     def render(
         self,
@@ -231,7 +232,7 @@ class LiveScene:
         with self._rendering(film):
             node = self.camera(camera)
             settings = core_settings(self.scene, Request(max_depth=max_depth))
-            film.begin((self.version, node, settings))
+            film.begin((self.version, node, settings), self.shown.render.working_space)
             first = film.next_sample
             with _device_errors():
                 counts = self._renderer.render(
@@ -244,8 +245,7 @@ class LiveScene:
     def picture(self, film: LiveFilm, display: Display | None = None) -> NDArray[np.uint8]:
         """What the film shows, (H, W, 3) uint8, row 0 at the top; `display`: None: the scene's exposure and curves."""
         if display is None:
-            own = self.scene.render
-            display = Display(own.exposure, own.tone, own.curve)
+            display = Display.of(self.scene.render)
         return film.picture(display)
 
     def camera(self, camera: Node | str | None = None) -> Node:
@@ -271,7 +271,7 @@ class LiveScene:
         with self._reading():
             node = self.camera(camera)
             with _device_errors():
-                found = self._renderer.pick(node.type, _params(node), *size, x, y, self._time())
+                found: Any = self._renderer.pick(node.type, _params(node), *size, x, y, self._time())
             if found is None:
                 return None
             index = int(found["instance"])
@@ -282,8 +282,14 @@ class LiveScene:
         with self._reading():
             node = self.camera(camera)
             with _device_errors():
-                found: NDArray[np.uint32] = self._renderer.ids(node.type, _params(node), *size, self._time())
-            return found
+                found: Any = self._renderer.ids(node.type, _params(node), *size, self._time())
+            numbers: NDArray[np.uint32] = found
+            return numbers
+
+    @property
+    def busy(self) -> bool:
+        """Whether a pass is being rendered."""
+        return self._running is not None
 
     def stats(self) -> dict[str, int]:
         """Sizes of the core's arrays: instances, nodes, leaves, materials, slots, texture_bytes, lights."""
@@ -310,7 +316,7 @@ class LiveScene:
 
         assets = Assets(shown)
         editor = _core.SceneEditor()
-        compiler = LiveCompiler(editor, assets)
+        compiler = LiveCompiler(editor, assets, shown.render.working_space)
         compiler.scene(shown)
         assets.files.finish()
         with core_errors(shown.name or "scene"):

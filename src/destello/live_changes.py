@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from destello.transform import Transform, scale, translate
 if TYPE_CHECKING:
     from destello.scene import Scene
 
-NodeRef = Union[int, str, Node]
-MaterialRef = Union[int, str, Node]
+NodeRef = int | str | Node
+MaterialRef = int | str | Node
 
 
 def find(nodes: Sequence[Node], which: NodeRef, kind: str) -> tuple[int, Node]:

@@ -1,4 +1,4 @@
-"""A scene compiled so that it can be edited: what stands in it is placed by instances, and materials can be replaced."""
+"""A scene compiled so that it can be edited: instances place what stands in it, materials can be replaced."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class NotInPlace(Exception):
 class LiveCompiler(SceneCompiler):
     """Puts a scene into a `_core.SceneEditor`, and then what differs in later versions of it.
 
-    Every shape of the scene is an instance, number i of shape i, of a group of its own in which it stands untransformed.
-    A sphere's is the unit sphere; an instance's is the group that it names.
+    Shape i of the scene is instance i, of a group of its own in which it stands untransformed: a sphere as the unit
+    sphere. An instance's group is the one that it names.
     """
 
-    def __init__(self, editor: Any, assets: Assets) -> None:
-        super().__init__(editor, assets)
+    def __init__(self, editor: Any, assets: Assets, working_space: str) -> None:
+        super().__init__(editor, assets, working_space)
         self.materials = LiveMaterials(editor, assets, self._images)
         self._context = Context(self.materials, assets)
         self._own_groups: list[int | None] = []  # of each shape; None: it is an instance of a group with a name
@@ -225,6 +225,8 @@ def _check_same_geometry(old: Scene, new: Scene) -> None:
     """Raises NotInPlace unless the same shapes stand in both, however placed and of whatever material."""
     if len(old.shapes) != len(new.shapes):
         raise NotInPlace("shapes were added or removed")
+    if old.render.working_space != new.render.working_space:
+        raise NotInPlace("light is computed in another colour space")
     if list(old.groups) != list(new.groups):
         raise NotInPlace("groups were added or removed")
     for name, group in old.groups.items():

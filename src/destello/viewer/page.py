@@ -53,7 +53,7 @@ class Page:
         if self._panels:
             self.save.close()
         self._panels = []
-        self.session.film = None
+        self.session.close()
 
     # --- for the panels -----------------------------------------------------------------------------------------------
 

@@ -10,8 +10,7 @@ from typing import Any
 from viser._messages import BackgroundImageMessage
 
 from destello.color import Display, FloatArray
-from destello.denoise import denoise
-from destello.live_film import LiveFilm
+from destello.live_film import LiveFilm, show
 from destello.nodes import Node
 from destello.viewer.camera import Frame, View
 from destello.viewer.engine import Engine
@@ -105,6 +104,12 @@ class Session:
         """Whether something new is to be seen, beyond less noise."""
         return not self.closed and (self.moving or self._stale or self._outdated(self.engine.revision))
 
+    def close(self) -> None:
+        """Gives back what the film holds."""
+        if self.film is not None:
+            self.film.close()
+            self.film = None
+
     # --- the render thread's turn -------------------------------------------------------------------------------------
 
     def step(self) -> None:
@@ -139,6 +144,7 @@ class Session:
         if film is not None and fits and not changed:
             return film, film.samples
         if film is None or not fits:
+            self.close()
             film = self.engine.live.film(plan.width, plan.height, guides=True)
         else:
             film.restart()
@@ -149,7 +155,7 @@ class Session:
     def _send(self, film: LiveFilm, *, fine: bool) -> None:
         if self.denoised and fine and not self._worth_denoising(film):
             return
-        picture = self.look.quantise(self.linear(film)) if self.denoised and fine else film.picture(self.look)
+        picture = show(film.denoised(), self.look) if self.denoised and fine else film.picture(self.look)
         if self.selected is not None:
             picture = outline(picture, self._inside(film), 1 + film.height // 600)
         self.send(BackgroundImageMessage("jpeg", jpeg(picture, fine=fine), None))
@@ -171,8 +177,7 @@ class Session:
 
     def linear(self, film: LiveFilm) -> FloatArray:
         """The film's radiance, without noise if that is wanted."""
-        mean = film.mean()
-        return denoise(mean, film.albedo(), film.normal()) if self.denoised else mean
+        return film.denoised() if self.denoised else film.mean()
 
     def send(self, message: Any) -> None:
         """Puts a message on its way at once, unless the page has gone."""
