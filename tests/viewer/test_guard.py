@@ -24,6 +24,18 @@ def test_known_messages_are_admitted_and_others_dropped(viewer: Viewer) -> None:
         assert not admit(msgspec.msgpack.encode({"type": kind}))
 
 
+def widget(**updates: object) -> bytes:
+    return msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": updates})
+
+
+RECTANGLE = {
+    "type": "ScenePointerMessage",
+    "event_type": "rect-select",
+    "ray_origin": None,
+    "ray_direction": None,
+    "screen_pos": [(0, 0), (1, 1)],
+    "modifier": None,
+}
 BAD: dict[str, Any] = {
     "text": "hello",
     "nothing": b"",
@@ -31,15 +43,12 @@ BAD: dict[str, Any] = {
     "no type": msgspec.msgpack.encode({"a": 1}),
     "camera of nothing": msgspec.msgpack.encode({"type": "ViewerCameraMessage"}),
     "deep": b"\x91" * 5000 + b"\x01",
-    "widget's callbacks": msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"update_cb": 1}}),
-    "long text": msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": "x" * 9999}}),
-    "no number": msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": float("nan")}}),
-    "huge": msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": 10**18}}),
-    "rectangle": msgspec.msgpack.encode(
-        {"type": "ScenePointerMessage", "event_type": "rect-select", "ray_origin": None, "ray_direction": None,
-         "screen_pos": [(0, 0), (1, 1)], "modifier": None}
-    ),
-}  # fmt: skip
+    "widget's callbacks": widget(update_cb=1),
+    "long text": widget(value="x" * 9999),
+    "no number": widget(value=float("nan")),
+    "huge": widget(value=10**18),
+    "rectangle": msgspec.msgpack.encode(RECTANGLE),
+}
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -96,9 +105,8 @@ def test_hostile_pages_end_nothing_but_their_own_connection(viewer: Viewer, rng:
         look(viewer, good)
         good.frame()
         for message in [*BAD.values(), b"x" * (MAX_BYTES + 1), *(rng.bytes(int(n)) for n in rng.integers(1, 300, 30))]:
-            with Page(viewer.url) as bad:
-                with pytest.raises(WebSocketException):
-                    listen_after(bad, message)
+            with Page(viewer.url) as bad, pytest.raises(WebSocketException):
+                listen_after(bad, message)
         with Page(viewer.url) as odd:  # well-formed, and of no use: the connection stays
             look(viewer, odd)
             odd.frame()

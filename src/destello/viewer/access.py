@@ -66,7 +66,8 @@ class Access:
 
         Args:
             target: the request's path with its query, as sent.
-            hosts, origins: the values of these headers.
+            hosts: the values of the Host header.
+            origins: those of the Origin header.
         """
         path = target.partition("?")[0]
         if self.token is not None:

@@ -146,7 +146,7 @@ def rotation_matrix(wxyz: Sequence[float] | Vector) -> Vector:
 
 
 def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
-    """The unit quaternion (w, x, y, z), w >= 0, of a rotation matrix (3, 3): the largest component decides (Shepperd)."""
+    """The unit quaternion (w, x, y, z), w >= 0, of a rotation (3, 3): the largest component decides (Shepperd 1978)."""
     m = np.asarray(rotation, float)
     squares = np.array([m.trace(), m[0, 0], m[1, 1], m[2, 2]])
     k = int(squares.argmax())

@@ -24,7 +24,7 @@ class Engine:
     @classmethod
     def of(cls, scene: Scene, device: str = "auto", threads: int = 0) -> Engine:
         """Compiles the scene. Raises as `LiveScene` does."""
-        return cls(LiveScene(scene, device, threads=threads, build="fast"))
+        return cls(LiveScene(scene, device, threads=threads))
 
     @property
     def revision(self) -> int:

@@ -39,7 +39,8 @@ class Pacer:
         pixels stay square. At rest the display's own size, with samples for `_REFINING` seconds, at least one.
 
         Args:
-            width, height: px.
+            width: of the canvas, px.
+            height: of the canvas, px.
             moving: whether something has changed a moment ago.
             done: samples a pixel that there are already.
             shown: pixels of the picture that is shown now.
