@@ -95,6 +95,7 @@ def test_frames_come_quickly_while_moving_and_fine_at_rest(cost: float) -> None:
     assert plan.width / plan.height == pytest.approx(1.6, rel=0.03)
     assert plan.full == (cost < 1e-7)
     first = pacer.plan(1280, 800, moving=False, shown=plan.width * plan.height)
+    assert first.full == (cost * 1280 * 800 <= 0.5)
     assert first.full or cost * first.width * first.height <= 0.5  # something better soon, whatever it costs
     still = pacer.plan(1280, 800, moving=False, done=1000, shown=first.width * first.height)
     assert (still.width, still.height) == (1280, 800)

@@ -104,9 +104,12 @@ def test_hostile_pages_end_nothing_but_their_own_connection(viewer: Viewer, rng:
     with Page(viewer.url) as good:
         look(viewer, good)
         good.frame()
-        for message in [*BAD.values(), b"x" * (MAX_BYTES + 1), *(rng.bytes(int(n)) for n in rng.integers(1, 300, 30))]:
+        for message in [*BAD.values(), *(rng.bytes(int(n)) for n in rng.integers(1, 300, 30))]:
             with Page(viewer.url) as bad, pytest.raises(WebSocketException):
                 listen_after(bad, message)
+        with Page(viewer.url) as large, pytest.raises(WebSocketException):
+            listen_after(large, b"x" * (MAX_BYTES + 1))
+        assert large.socket.close_code == 1009  # too big: it was not even read
         with Page(viewer.url) as odd:  # well-formed, and of no use: the connection stays
             look(viewer, odd)
             odd.frame()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import destello as dl
+from destello.viewer.picture import OUTLINE
 from destello.viewer.server import Viewer
 from viewer_tests import SECONDS, SIZE, eventually, finished, first, look
 from viser_page import Page, pixels
@@ -49,6 +50,7 @@ def test_clicking_selects_and_the_gizmo_moves_what_is_saved(viewer: Viewer) -> N
         session = next(iter(viewer._app.sessions.values()))
         assert eventually(lambda: session.selected) == 7
         gizmo = eventually(lambda: gizmo_of(page))
+        eventually(lambda: outlined(pixels(page.frame())) > 40)
         before = viewer.scene.shapes[7]["transform"].matrix
         moved = {"type": "TransformControlsUpdateMessage", "name": "/selected", "owner": gizmo["owner"]}
         position = np.add(viewer._frame.page((186, 82.5, 169)), (0.5, 0, 0))  # half a unit along x
@@ -59,6 +61,11 @@ def test_clicking_selects_and_the_gizmo_moves_what_is_saved(viewer: Viewer) -> N
         assert b"short box" in saved
         assert viewer._app.call(viewer._app.undo) == "move"
         assert np.allclose(viewer.scene.shapes[7]["transform"].matrix, before)
+
+
+def outlined(picture: np.ndarray) -> int:
+    """How many pixels have the outline's colour."""
+    return int((np.abs(picture.astype(int) - OUTLINE).max(axis=-1) < 60).sum())
 
 
 def scene_file(viewer: Viewer) -> tuple[str, bytes]:
