@@ -208,9 +208,7 @@ void set_environment_values(SceneEditor& editor, const std::string& type, const 
   editor.set_environment_values(e);
 }
 
-}  // namespace
-
-void register_live(nb::module_& m) {
+void register_editor(nb::module_& m) {
   nb::class_<SceneEditor, SceneBuilder>(
       m, "SceneEditor", "A builder whose scene can be changed after it is finished: see core/scene/scene_edit.h.")
       .def(nb::init<>())
@@ -245,7 +243,12 @@ void register_live(nb::module_& m) {
         d["lights"] = a.punctual.size() + a.area_lights.size() + e.scene().view().has_environment;
         return d;
       });
+}
 
+}  // namespace
+
+void register_live(nb::module_& m) {
+  register_editor(m);
   nb::class_<FilmHandle>(m, "LiveFilm", "Sums of samples on the device that renders them.")
       .def("clear", &FilmHandle::clear)
       .def("cancel", &FilmHandle::cancel,

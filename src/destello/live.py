@@ -8,7 +8,6 @@ coincide.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +25,7 @@ from destello.errors import InputError, RenderError, did_you_mean
 from destello.job import Request, core_settings
 from destello.live_compile import LiveCompiler, NotInPlace
 from destello.live_film import LiveFilm
+from destello.live_turns import Turns
 from destello.nodes import Node
 
 if TYPE_CHECKING:
@@ -125,11 +125,7 @@ class LiveScene:
         self.version = 0
         self.notes: list[str] = []
         self._options = TreeOptions(build, self.device.name, threads)
-        self._gate = threading.Condition()
-        self._edits_waiting = 0
-        self._readers = 0
-        self._running: LiveFilm | None = None
-        self._occupied = False
+        self._turns = Turns()
         self.scene = scene.copy()
         self.frame = frame
         self._assets = Assets(self.scene)
@@ -144,7 +140,7 @@ class LiveScene:
         are not compared. Raises SceneError, and RenderError if the device fails; the scene then stays as it was.
         """
         began = monotonic()
-        with self._editing():
+        with self._turns.editing():
             frame = self.frame if frame is None else frame
             edit = self._update(scene.copy(), frame)
         return Edit(**{**edit, "version": self.version, "seconds": monotonic() - began})
@@ -229,7 +225,7 @@ class LiveScene:
         A pass that `LiveFilm.cancel` or an edit has cancelled leaves some pixels with its samples and some without; the
         picture stays valid, and the next pass goes on after it. Raises RenderError if the device fails.
         """
-        with self._rendering(film):
+        with self._turns.rendering(film):
             node = self.camera(camera)
             settings = core_settings(self.scene, Request(max_depth=max_depth))
             film.begin((self.version, node, settings), self.shown.render.working_space)
@@ -268,7 +264,7 @@ class LiveScene:
 
         size: (width, height) of the picture. Holes (opacity) and boundaries of media count as surfaces.
         """
-        with self._reading():
+        with self._turns.reading():
             node = self.camera(camera)
             with _device_errors():
                 found: Any = self._renderer.pick(node.type, _params(node), *size, x, y, self._time())
@@ -279,7 +275,7 @@ class LiveScene:
 
     def ids(self, size: tuple[int, int], camera: Node | str | None = None) -> NDArray[np.uint32]:
         """(height, width) uint32: the number of the shape that each pixel's middle shows, or NOTHING."""
-        with self._reading():
+        with self._turns.reading():
             node = self.camera(camera)
             with _device_errors():
                 found: Any = self._renderer.ids(node.type, _params(node), *size, self._time())
@@ -289,11 +285,11 @@ class LiveScene:
     @property
     def busy(self) -> bool:
         """Whether a pass is being rendered."""
-        return self._running is not None
+        return self._turns.running is not None
 
     def stats(self) -> dict[str, int]:
         """Sizes of the core's arrays: instances, nodes, leaves, materials, slots, texture_bytes, lights."""
-        with self._reading():
+        with self._turns.reading():
             return dict(self._editor.stats())
 
     # --- compiling ----------------------------------------------------------------------------------------------------
@@ -352,51 +348,6 @@ class LiveScene:
             raise
         self.scene, self.frame = scene, frame
         return counts
-
-    # --- taking turns -------------------------------------------------------------------------------------------------
-
-    @contextmanager
-    def _editing(self) -> Iterator[None]:
-        with self._gate:
-            self._edits_waiting += 1
-            if self._running is not None:
-                self._running.cancel()
-            while self._occupied or self._readers:
-                self._gate.wait()
-            self._occupied = True
-        try:
-            yield
-        finally:
-            with self._gate:
-                self._occupied = False
-                self._edits_waiting -= 1
-                self._gate.notify_all()
-
-    @contextmanager
-    def _rendering(self, film: LiveFilm) -> Iterator[None]:
-        with self._gate:
-            while self._occupied or self._edits_waiting:
-                self._gate.wait()
-            self._occupied, self._running = True, film
-        try:
-            yield
-        finally:
-            with self._gate:
-                self._occupied, self._running = False, None
-                self._gate.notify_all()
-
-    @contextmanager
-    def _reading(self) -> Iterator[None]:
-        with self._gate:
-            while self._edits_waiting:
-                self._gate.wait()
-            self._readers += 1
-        try:
-            yield
-        finally:
-            with self._gate:
-                self._readers -= 1
-                self._gate.notify_all()
 
 
 def _params(node: Node) -> dict[str, Any]:

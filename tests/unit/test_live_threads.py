@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_an_edit_does_not_wait_for_a_pass(device: str) -> None:
     film = live.film(320, 200)
     worker = Worker(lambda: live.render(film, MANY))
     while not live.busy:
-        pass
+        time.sleep(0.001)
     edit = live.set_material("ball", {"reflectance": (0.1, 0.2, 0.3)})
     assert worker.finished().cancelled  # type: ignore[attr-defined]
     assert live.version == edit.version
