@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from destello.scene import Group, Scene
     from destello.spectrum import blackbody
     from destello.transform import Transform, look_at, matrix, rotate, scale, shear, translate
+    from destello.viewer import view
 
 # Public name: module it comes from; a name without one is a module itself.
 _WHERE = {
@@ -77,6 +78,7 @@ _WHERE = {
     "scale": "transform",
     "shear": "transform",
     "translate": "transform",
+    "view": "viewer",
     "cameras": "",
     "environments": "",
     "errors": "",
@@ -93,7 +95,7 @@ _WHERE = {
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
     "RenderError", "SceneError", "Animation", "Group", "Image", "LiveScene", "Node", "Scene", "Transform", "blackbody",
-    "keyframes", "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras",
+    "keyframes", "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "view", "cameras",
     "environments", "errors", "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "volumes",
     "__version__",
 ]  # fmt: skip

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.compile import WORLD, Context, SceneCompiler, label, rows
-from destello.compile_materials import MaterialCompiler, core_errors
+from destello.compile import WORLD, Context, SceneCompiler, label
+from destello.compile_materials import MaterialCompiler, core_errors, rows
 from destello.nodes import Node, equal_values
 from destello.transform import Transform
 
@@ -104,7 +104,7 @@ class LiveCompiler(SceneCompiler):
         changed = [
             (place, before, after, self.materials.known(before))
             for (place, before), (_, after) in zip(old.all_shapes(), new.all_shapes(), strict=True)
-            if "material" in after.doc.params and _material(before) != _material(after)
+            if before is not after and "material" in after.doc.params and _material(before) != _material(after)
         ]
         if not changed:
             return
