@@ -231,8 +231,7 @@ void register_scene(nb::module_& m) {
   register_schema(m);
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
-  nb::class_<SceneBuilder> builder(m, "SceneBuilder",
-                                   "Collects a scene; build() finishes it. Bad input raises ValueError.");
+  nb::class_<SceneBuilder> builder(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input: ValueError.");
   register_grids(builder);
   builder.def(nb::init<>())
       .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",

@@ -70,6 +70,10 @@ class AnyScene:
         kind = self.rng.choice(["uint8", "uint16", "float32"])
         return (self.numbers.random(shape) * 200).astype(kind)
 
+    def voxels(self, doc: ParamDoc) -> Any:
+        values = self.numbers.random((3, 1, 2, self.rng.choice(doc.columns))) * 200
+        return values.astype(self.rng.choice(["uint8", "float16", "float32"]))
+
     def transform(self) -> dl.Transform:
         made = dl.Transform()
         for _ in range(self.rng.randint(0, 3)):
@@ -108,6 +112,9 @@ class AnyScene:
             "path": lambda: "there.png",
             "array": lambda: self.array(doc),
             "texels": self.texels,
+            "voxels": lambda: self.voxels(doc),
+            "text": lambda: self.rng.choice(["density", "größe 1", "- x: y"]),
+            "volume": lambda: self.node("volume", 0),
             "transform": self.transform,
             "animation": lambda: self.animation("translate", "rotate", "scale"),
             "group": lambda: "group",
@@ -125,6 +132,9 @@ class AnyScene:
         for param in doc.params.values():
             if param.required or self.rng.random() < 0.25:
                 params[param.name] = self.value(param, depth)
+        if (kind, doc.type) == ("volume", "grid"):
+            params.pop(self.rng.choice(["emission", "temperature"]), None)
+            params.update(min=(-1, 0, 1 / 3), max=(2, 1e-3, 0.5))
         self.repair(doc, params)
         return Node(kind, doc.type, params, name=self.name() if self.rng.random() < 0.3 else None)
 

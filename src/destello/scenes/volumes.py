@@ -50,7 +50,7 @@ def box_points(size: tuple[int, int, int], low: tuple[float, ...], high: tuple[f
     return np.stack([xx, yy, zz], -1)
 
 
-@scene("cloud", "A cumulus cloud in the evening sun: a grid of densities that scatters nearly all light, forwards.")
+@scene("cloud", "A cumulus cloud in the evening sun: a grid of densities.")
 def cloud() -> Scene:
     """Balls with a flat base, eaten away by noise."""
     import numpy as np
@@ -75,7 +75,7 @@ def cloud() -> Scene:
     return made
 
 
-@scene("fire", "A fire on the ground at night: a grid of temperatures that glows by Planck's law, and smoke above it.")
+@scene("fire", "A fire at night: a grid of temperatures that glows by Planck's law, and smoke.")
 def fire() -> Scene:
     """Flames hottest near the ground and the axis; what has cooled down is smoke."""
     import numpy as np
