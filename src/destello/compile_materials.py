@@ -173,7 +173,7 @@ class MaterialCompiler:
 
 def is_color(doc: ParamDoc) -> bool:
     """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
-    return doc.kind == "color" and doc.name != "normal_map"
+    return doc.kind == "color" and doc.name not in ("normal_map", "tangent_map")
 
 
 def _factor(doc: ParamDoc, texture: Node, place: str) -> dict[str, Any]:

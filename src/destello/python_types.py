@@ -72,6 +72,12 @@ _SHAPES = (
         _array("colors", "colours of the vertices, linear Rec.709 and alpha", 3, 4),
         _array("positions1", "the vertices when the shutter closes (time 1)", 3, unit="m"),
         _array("normals1", "the normals when the shutter closes (time 1)", 3),
+        _array(
+            "tangents",
+            "direction of growing u at the vertices, and 1 where v grows along normal x tangent, else -1; computed "
+            "from the uvs without, or where the mesh moves",
+            4,
+        ),
         *_PLACED,
     ),
     _type(

@@ -174,6 +174,8 @@ class Meshes:
         data, attributes = primitive.data, primitive.attributes
         if "NORMAL" in attributes:
             data["normals"] = self._vectors(primitive, "NORMAL", ("VEC3",), finite=False)
+        if "TANGENT" in attributes:
+            data["tangents"] = self._vectors(primitive, "TANGENT", ("VEC4",))
         wanted = self._materials.uv_set(self.document.refer(primitive.item, "material", "materials"))
         key = f"TEXCOORD_{wanted or 0}"
         if key in attributes:
@@ -197,6 +199,8 @@ class Meshes:
     def _bend(self, primitive: _Primitive, pose: Pose) -> None:
         """Applies morph targets and skin to positions and normals."""
         data = primitive.data
+        if pose.joints is not None or any(pose.weights):
+            data.pop("tangents", None)  # those of the uvs bend with the triangles
         for target, weight in zip(primitive.item.items("targets"), pose.weights, strict=False):
             for key, name in (("POSITION", "positions"), ("NORMAL", "normals")):
                 if weight != 0 and key in target and name in data:
