@@ -28,6 +28,7 @@ __device__ __noinline__ bool any_hit(const GeometryView& g, Ray ray) {
 
 struct FusedTracer {
   static constexpr bool kSimple = false;
+  using Materials = destello::Materials;
   static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
     *hit = closest_hit(g, ray);
     return hit->found();

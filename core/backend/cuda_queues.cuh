@@ -116,6 +116,7 @@ class QueueBlock {
  private:
   struct Tracer {
     static constexpr bool kSimple = kSimpleScene;
+    using Materials = MaterialsOf<kSimpleScene>;
   };
   using Layout = QueueLayout<kShadows, kLeaves, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;

@@ -17,6 +17,16 @@ struct TypeList {
   static constexpr uint32_t size = sizeof...(Ts);
 };
 
+// A list with more types at its end.
+template <class List, class... More>
+struct Appended;
+template <class... Ts, class... More>
+struct Appended<TypeList<Ts...>, More...> {
+  using type = TypeList<Ts..., More...>;
+};
+template <class List, class... More>
+using Append = typename Appended<List, More...>::type;
+
 // The position of T in the list.
 template <class T, class... Ts>
 constexpr uint32_t index_of(TypeList<Ts...>) {

@@ -1,4 +1,7 @@
 // The list of materials. A new one is one header and one line here.
+//
+// CommonMaterials are the light ones; they come first, so that a type has the same number in both lists. Kernels for scenes
+// that use no others dispatch over them alone, and hold no code of the heavier ones.
 #pragma once
 
 #include "base/one_of.h"
@@ -13,6 +16,12 @@
 
 namespace destello {
 
-using Materials = TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, MetallicRoughness, Emissive, Interface, Mix>;
+using CommonMaterials =
+    TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, MetallicRoughness, Emissive, Interface, Mix>;
+using Materials = Append<CommonMaterials>;
+
+// What the kernels of a scene dispatch over. simple: SceneView::simple.
+template <bool simple>
+using MaterialsOf = std::conditional_t<simple, CommonMaterials, Materials>;
 
 }  // namespace destello

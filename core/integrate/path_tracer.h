@@ -4,8 +4,9 @@
 //   generate -> trace -> shade -> connect (if shade wants a shadow ray) -> trace ... until !path.alive
 //
 // `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...), and
-// static constexpr bool kSimple: the scene has neither media, holes, mixes nor normal maps (SceneView::simple), and the
-// code for them is left out.
+// static constexpr bool kSimple: the scene has neither media, holes, mixes, normal maps nor heavy materials
+// (SceneView::simple), and the code for them is left out; `Materials`: the list of the materials that a scene may have,
+// MaterialsOf<kSimple>.
 #pragma once
 
 #include "integrate/surface_scattering.h"
@@ -102,7 +103,7 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const BentDirection to_light = entering(point, light.wi);
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.density > 0;
   const MaterialSample answer =
-      dispatch(Materials{}, m.type,
+      dispatch(typename Tracer::Materials{}, m.type,
                AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light.w, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;

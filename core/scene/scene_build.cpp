@@ -289,9 +289,13 @@ void SceneBuilder::make_view() {
     return i.priority != a.interiors.front().priority;  // one may then hide another's boundary
   });
   uint32_t any = 0, all = ~0u;
-  for (const MaterialRecord& m : a.materials) any |= m.flags, all &= m.flags;
+  v.common_materials = 1;
+  for (const MaterialRecord& m : a.materials) {
+    any |= m.flags, all &= m.flags;
+    if (m.type >= CommonMaterials::size) v.common_materials = 0;
+  }
   v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
-  v.simple = v.clear_shadows && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasDetail));
+  v.simple = v.clear_shadows && v.common_materials && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasDetail));
 }
 
 LeafKind Scene::leaf_kind() const {

@@ -106,7 +106,9 @@ struct SceneView {
   uint32_t world_light_base = kNoIndex;  // first area light of the world's own emitters, as Instance::light_base
   uint32_t has_boundaries = 0;           // some material is a boundary: paths keep track of what they are in
   uint32_t clear_shadows = 0;            // every surface blocks shadow rays for sure: any hit will do
-  uint32_t simple = 0;  // no media, interfaces, holes, mixes or maps of normals: see integrate/path_tracer.h
+  uint32_t common_materials = 0;         // no material but CommonMaterials
+  // No media, interfaces, holes, mixes or maps of normals, and common materials alone: see integrate/path_tracer.h.
+  uint32_t simple = 0;
 
   DST_HD uint32_t first_area_light() const { return punctual.size; }
   DST_HD uint32_t environment_light() const { return punctual.size + area_lights.size; }
