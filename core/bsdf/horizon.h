@@ -5,10 +5,10 @@
 //
 // Here the sky over the shading horizon is bent into the sky over the surface instead. Directions turn about the axis that both
 // horizons share, by an angle that depends on their angle about it alone: nothing for most of the sky, and more and more for
-// the 3 tilt (tilt: the angle between the normals) next to the sunken part of the shading horizon, so that this comes to lie
+// the 2.5 tilt (tilt: the angle between the normals) next to the sunken part of the shading horizon, so that this comes to lie
 // on the surface's:
 //
-//   angle -> angle - tilt (x / D)^2,   x: angle beyond the beginning of the bent part, 0 to D = min(3 tilt, pi)
+//   angle -> angle - tilt (x / D)^2,   x: angle beyond the beginning of the bent part, 0 to D = min(2.5 tilt, pi)
 //
 // The map is one to one and smooth, solid angles shrink by J = 1 - 2 tilt x / D^2 > 0, and eval and pdf divided by J belong
 // to the bent directions. So energy is kept whatever the BSDF, a mirror's image never sinks into the surface, and light
@@ -60,7 +60,7 @@ struct Horizon {
   }
 
  private:
-  DST_HD float length_of_bent() const { return min(3 * tilt, kPi); }
+  DST_HD float length_of_bent() const { return min(2.5f * tilt, kPi); }
   DST_HD float begin() const { return 0.5f * kPi + tilt - length_of_bent(); }
   // w at another angle about the axis.
   DST_HD BentDirection turned(Vec3 w, float c, float s, float angle, float density) const {

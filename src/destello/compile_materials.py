@@ -2,69 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
-from destello.errors import RenderError, SceneError
+from destello.compile_errors import core_errors
+from destello.errors import SceneError
+from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
+from destello.udim import MARK, read_tiles
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
-
     import numpy as np
     from numpy.typing import NDArray
-
-IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-
-
-@contextmanager
-def core_errors(place: str) -> Iterator[None]:
-    """Turns what the core refuses into a SceneError at `place`."""
-    try:
-        yield
-    except (ValueError, IndexError, OverflowError, TypeError) as error:
-        raise SceneError(str(error) or type(error).__name__, place=place) from error
-    except RuntimeError as error:  # a device that the trees were to be built on
-        raise RenderError(str(error), place=place) from error
-    except MemoryError as error:
-        raise RenderError("not enough memory for the scene", place=place, expected="a smaller scene") from error
-
-
-class ImageTable:
-    """The images of a whole compilation: each file and array once for each way of reading it."""
-
-    def __init__(self, builder: Any) -> None:
-        self._builder = builder
-        self._ids: dict[Hashable, int] = {}
-        self._kept: list[Any] = []  # arrays whose id() is a key
-
-    def add(self, texels: NDArray[Any], key: Hashable, srgb: bool, texture: Mapping[str, Any], place: str) -> int:
-        """The core's number for these texels; `key` tells their source apart from others."""
-        options = (texture["wrap_u"], texture["wrap_v"], texture["filter"], uv_transform(texture))
-        full = (key, srgb, *options)
-        if full not in self._ids:
-            self._kept.append(texels)
-            with core_errors(place):
-                self._ids[full] = self._builder.add_image(
-                    texels, srgb=srgb, wrap_u=options[0], wrap_v=options[1], filter=options[2], uv_transform=options[3]
-                )
-        return self._ids[full]
-
-
-def uv_transform(texture: Mapping[str, Any]) -> tuple[tuple[float, ...], ...]:
-    """The 2x3 matrix from mesh (u, v) to image (u, v): scale, then rotation, then offset."""
-    from destello.transform import rotate
-
-    (su, sv), (ou, ov) = texture["uv_scale"], texture["uv_offset"]
-    turn = rotate("z", texture["uv_rotation"]).matrix
-    return (
-        (float(turn[0, 0] * su), float(turn[0, 1] * sv), ou),
-        (float(turn[1, 0] * su), float(turn[1, 1] * sv), ov),
-    )
 
 
 class MaterialCompiler:
@@ -123,35 +74,47 @@ class MaterialCompiler:
         key = (node, color)
         if key not in self._textures:
             where = f"{place} ({node.name})" if node.name else place
-            if node.type == "image":
-                image = self.image(node, color, where)
-                params: dict[str, Any] | None = None if image is None else {"image": image}
+            kind = node.type
+            if kind == "image":
+                kind, params = self.image(node, color, where)
             else:
                 params = self.params(node, where)
             with core_errors(where):
-                self._textures[key] = None if params is None else self._builder.add_texture(node.type, params)
+                self._textures[key] = None if params is None else self._builder.add_texture(kind, params)
         return self._textures[key]
 
-    def image(self, texture: Node, color: bool, place: str) -> int | None:
-        """The core's number of an image. A missing one gives the stand-in, or None where no colour shows."""
-        options = {
-            name: texture[name] for name in ("wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter")
-        }
-        source: Hashable
-        if texture["pixels"] is not None:
-            texels, source = texture["pixels"], id(texture["pixels"])
+    def image(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+        """The core's texture for an image. A missing one gives the stand-in, or None where no colour shows."""
+        path = texture["path"]
+        if path is not None and MARK in path:
+            return self._tiles(texture, color, place)
+        if path is None:
+            texels = texture["pixels"]
         else:
-            found = self._assets.texels(texture["path"], f"{place}.path")
+            found = self._assets.texels(path, f"{place}.path")
             if found is None:
-                self._note_missing(texture["path"], color)
-                if not color:
-                    return None
-                options["filter"] = "nearest"
-                return self._images.add(missing_image(), "missing", True, options, place)
-            source, texels = found
-        space = texture["color_space"]
-        srgb = texels.dtype.kind != "f" and color if space == "auto" else space == "srgb"
-        return self._images.add(texels, source, srgb, options, place)
+                return "image", self._stand_in(texture, color, place)
+            texels = found[1]
+        return "image", {"image": self._images.add(texels, _is_srgb(texture, texels, color), _options(texture), place)}
+
+    def _tiles(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+        path = texture["path"]
+        tiles = read_tiles(self._assets, path, f"{place}.path")
+        if tiles is None:
+            return "image", self._stand_in(texture, color, place)
+        if tiles.missing:
+            self._note(f"{path}: no tile {', '.join(map(str, tiles.missing))}: black and transparent there")
+        kind = next(tile for tile in tiles.texels if tile is not None)
+        options = {**_options(texture), "wrap_u": "clamp", "wrap_v": "clamp"}
+        first = self._images.add_tiles(tiles.texels, _is_srgb(texture, kind, color), options, place)
+        return "udim", {"first": first, "columns": tiles.columns, "rows": tiles.rows}
+
+    def _stand_in(self, texture: Node, color: bool, place: str) -> dict[str, Any] | None:
+        self._note_missing(texture["path"], color)
+        if not color:
+            return None
+        options = {**_options(texture), "filter": "nearest"}
+        return {"image": self._images.add(missing_image(), True, options, place)}
 
     def environment_texels(self, texture: Node, place: str) -> NDArray[np.float32]:
         """An environment's image as linear radiance, (height, width, 3) float32; a missing one gives the stand-in."""
@@ -166,9 +129,22 @@ class MaterialCompiler:
 
     def _note_missing(self, path: str, color: bool) -> None:
         stand_in = "a magenta checker" if color else "the parameter's default"
-        note = f"missing image {path}: replaced by {stand_in}"
+        self._note(f"missing image {path}: replaced by {stand_in}")
+
+    def _note(self, note: str) -> None:
         if note not in self._assets.notes:
             self._assets.notes.append(note)
+
+
+def _options(texture: Node) -> dict[str, Any]:
+    """How an image is read: what an ImageTable asks for."""
+    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps")
+    return {name: texture[name] for name in names}
+
+
+def _is_srgb(texture: Node, texels: NDArray[Any], color: bool) -> bool:
+    space = texture["color_space"]
+    return texels.dtype.kind != "f" and color if space == "auto" else bool(space == "srgb")
 
 
 def is_color(doc: ParamDoc) -> bool:

@@ -18,7 +18,7 @@ LARGEST_BYTES = 8 << 30
 
 
 def read_texels(path: Path) -> NDArray[Any]:
-    """The texels of an image file: (height, width, 1 to 4) uint8, uint16 or float32, top row first.
+    """The texels of an image file: (height, width, 1 to 4) uint8, uint16, float16 or float32, top row first.
 
     Channels are those called R, G, B, A where names tell, else the first four. Alpha stays unassociated where the file
     has it so. Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be held.
@@ -47,15 +47,15 @@ def read_texels(path: Path) -> NDArray[Any]:
 
 
 def repaired(texels: NDArray[Any]) -> tuple[NDArray[Any], int]:
-    """Texels that are all finite, and how many were not: no numbers become 0, infinity 65504 (the most of a half)."""
+    """Texels that are all finite, and how many were not: these become 0."""
     if texels.dtype.kind != "f":
         return texels, 0
-    bad = texels.size - int(np.count_nonzero(np.isfinite(texels)))
-    return (np.nan_to_num(texels, nan=0.0, posinf=_MOST, neginf=-_MOST), bad) if bad else (texels, 0)
+    finite = np.isfinite(texels)
+    bad = texels.size - int(np.count_nonzero(finite))
+    return (np.where(finite, texels, texels.dtype.type(0)), bad) if bad else (texels, 0)
 
 
 _KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads"
-_MOST = 65504.0
 
 
 def _reason(text: str) -> str | None:
@@ -66,11 +66,13 @@ def _reason(text: str) -> str | None:
 def _kind(oiio: Any, stored: Any) -> str:
     if stored.basetype in (oiio.UINT8, oiio.INT8):
         return "uint8"
+    if stored.basetype == oiio.HALF:
+        return "float16"
     return "uint16" if stored.basetype in (oiio.UINT16, oiio.INT16) else "float32"
 
 
 def _type(oiio: Any, kind: str) -> Any:
-    return {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}[kind]
+    return {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}[kind]
 
 
 def _channels(names: Sequence[str]) -> list[int]:

@@ -1,4 +1,4 @@
-"""Shading normals lose no light: bent horizons, bumpy furnaces, the terminator of coarse meshes, bump and tangent maps."""
+"""Shading normals lose no light: bent horizons, bumpy furnaces, coarse meshes, bump and tangent maps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import destello as dl
 import stats
 from destello import _core
-from transport import assert_agree, assert_known, assert_constant, down_on, estimate
+from transport import assert_agree, assert_constant, assert_known, down_on, estimate
 
 WHITE = {
     "diffuse": lambda **s: dl.materials.diffuse(reflectance=1, **s),
@@ -43,7 +43,7 @@ def test_bending_fills_the_sky_over_the_surface_once(tilt: float, rng: np.random
     back = _core.testing.bend(pair, np.ascontiguousarray(bent[:, :3]), back=True)
     np.testing.assert_allclose(back[:, :3], above, atol=3e-3 if tilt > 75 else 3e-4)
     np.testing.assert_allclose(back[:, 3], bent[:, 3], rtol=2e-2)
-    far = above @ pair[1] > np.sin(np.radians(min(3 * tilt, 90))) + 1e-3
+    far = above @ pair[1] > np.sin(np.radians(min(2.5 * tilt, 90))) + 1e-3
     np.testing.assert_array_equal(bent[far, :3], above[far])  # most directions stay what they are
 
 
@@ -77,7 +77,8 @@ def bumps(rng: np.random.Generator, steep: float) -> Any:
 
 
 def furnace(shape: Any) -> dl.Scene:
-    scene = dl.Scene("furnace", environment=dl.environments.constant(radiance=1))
+    scene = dl.Scene("furnace")
+    scene.environment = dl.environments.constant(radiance=1)
     scene.add(shape)
     scene.camera = dl.cameras.orthographic(origin=(0.3, 0.4, 5), target=(0, 0, 0), up=(0, 1, 0), height=2.2)
     return scene
@@ -104,7 +105,9 @@ def test_a_bumpy_furnace_is_white_to_light_sampling_too(kind: str, rng: np.rando
         else dl.materials.conductor(reflectance=1, fresnel="none", roughness=0.5, normal_map=map_)
     )
     scene = furnace(dl.shapes.sphere(center=(0, 0, 0), radius=1, material=material))
-    by_paths, by_both = (estimate(scene, device, spp=256, size=(16, 16), sampling=s, max_depth=100) for s in ("bsdf", "mis"))
+    by_paths, by_both = (
+        estimate(scene, device, spp=256, size=(16, 16), sampling=s, max_depth=100) for s in ("bsdf", "mis")
+    )
     assert_agree(by_paths, by_both, comparisons=2)
     if kind == "diffuse":
         assert_known(by_both, 1.0, comparisons=2)
@@ -140,7 +143,7 @@ def lit_globe(shape: Any) -> dl.Scene:
 
 
 def test_the_terminator_of_a_coarse_sphere_is_the_round_ones(device: str) -> None:
-    """Facets turned from the light would be black, and those before them end in a step: measured, a tenth of the error."""
+    """Facets turned from the light would be black, and those before them end in a step: three times the error."""
     white = dl.materials.diffuse(reflectance=1)
     p, t, n = globe(8)
     size = (96, 96)
@@ -159,7 +162,7 @@ def test_the_terminator_of_a_coarse_sphere_is_the_round_ones(device: str) -> Non
 
 
 def test_bump_maps_tilt_the_normal_by_the_slope(device: str) -> None:
-    """A ramp of 1 in 2 along u on a floor, as texels and as vertex colours... lit from above: the cosine of the slope."""
+    """A ramp of 1 in 2 along u on a floor, lit from above: the cosine of the slope."""
     ramp = np.tile(np.linspace(0, 1, 64, dtype=np.float32)[None, :, None], (4, 1, 1))
     texture = dl.textures.image(ramp, color_space="linear", wrap_u="clamp", wrap_v="clamp")
     for along, light in (((4, 0, 0), 1.0), ((0, 0, 4), 1.0)):
@@ -167,19 +170,21 @@ def test_bump_maps_tilt_the_normal_by_the_slope(device: str) -> None:
         height = dl.textures.scaled(texture, scale=2.0 * 63 / 64)  # 2 m over 4 m
         material = dl.materials.diffuse(reflectance=1, bump=height)
         corner = -0.5 * (np.array(along) + np.array(across))
-        scene = dl.Scene("ramp", camera=down_on(0.5))
+        scene = dl.Scene("ramp")
+        scene.camera = down_on(0.5)
         scene.add(dl.shapes.quad(corner, along, across, material=material))
         scene.add(dl.lights.directional(direction=(0, -1, 0), irradiance=np.pi * light))
         got = estimate(scene, device, spp=4, size=(8, 8), max_depth=2)
         np.testing.assert_allclose(got.rgb, 1 / np.sqrt(1.25), rtol=2e-3)
-        low = dl.Scene("ramp", camera=down_on(0.5))
+        low = dl.Scene("ramp")
+        low.camera = down_on(0.5)
         low.add(dl.shapes.quad(corner, along, across, material=material))
-        uphill = np.array(along) / 4
-        low.add(dl.lights.directional(direction=-uphill - (0, 1, 0), irradiance=np.pi))
+        uphill, up = np.array(along) / 4, np.array((0.0, 1.0, 0.0))
+        low.add(dl.lights.directional(direction=-uphill - up, irradiance=np.pi))
         # The surface rises along u and faces away from who comes from there.
         got = estimate(low, device, spp=4, size=(8, 8), max_depth=2)
-        normal = (np.array((0, 1, 0)) - 0.5 * uphill) / np.sqrt(1.25)
-        np.testing.assert_allclose(got.rgb, normal @ (uphill + (0, 1, 0)) / np.sqrt(2), rtol=2e-3)
+        normal = (up - 0.5 * uphill) / np.sqrt(1.25)
+        np.testing.assert_allclose(got.rgb, normal @ (uphill + up) / np.sqrt(2), rtol=2e-3)
 
 
 def test_bump_maps_of_procedural_textures(device: str) -> None:
@@ -197,7 +202,8 @@ def test_tangents_turn(device: str) -> None:
 
     def picture(**params: Any) -> Any:
         metal = dl.materials.conductor(reflectance=1, fresnel="none", roughness=0.5, **params)
-        scene = dl.Scene("brushed", camera=down_on(1.0))
+        scene = dl.Scene("brushed")
+        scene.camera = down_on(1.0)
         scene.add(dl.shapes.quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material=metal))
         scene.add(dl.lights.point(position=(0.8, 0.7, 0.3), intensity=1))
         return estimate(scene, device, spp=4, size=(16, 16), max_depth=2).mean
@@ -219,7 +225,8 @@ def test_tangents_turn(device: str) -> None:
 
     def mesh(**arrays: Any) -> Any:
         metal = dl.materials.conductor(reflectance=1, fresnel="none", roughness=0.5, anisotropy=0.8)
-        scene = dl.Scene("brushed", camera=down_on(1.0))
+        scene = dl.Scene("brushed")
+        scene.camera = down_on(1.0)
         scene.add(dl.shapes.mesh(corners, [(0, 1, 2), (0, 2, 3)], material=metal, **arrays))
         scene.add(dl.lights.point(position=(0.8, 0.7, 0.3), intensity=1))
         return estimate(scene, device, spp=4, size=(16, 16), max_depth=2).mean
@@ -240,7 +247,8 @@ def test_vertex_tangents_carry_normal_maps(handedness: int, mirrored: bool, devi
     material = dl.materials.diffuse(reflectance=1, normal_map=texture)
     tangents = np.tile(np.float32((1, 0, 0, handedness)), (4, 1))
     mirror = dl.scale((1, 1, -1)) if mirrored else None
-    scene = dl.Scene("tangents", camera=down_on(0.5))
+    scene = dl.Scene("tangents")
+    scene.camera = down_on(0.5)
     scene.add(
         dl.shapes.mesh(
             corners, [(0, 1, 2), (0, 2, 3)], tangents=tangents, normals=np.tile(np.float32((0, 1, 0)), (4, 1)),
@@ -248,10 +256,11 @@ def test_vertex_tangents_carry_normal_maps(handedness: int, mirrored: bool, devi
         )
     )  # fmt: skip
     up = np.array((0, 0, -1.0)) * handedness * (-1 if mirrored else 1)  # normal x tangent = y x x = -z
-    to_light = (up + (0, 1, 0)) / np.sqrt(2)
+    angle = np.radians(20)
+    to_light = np.sin(angle) * up + (0, np.cos(angle), 0)
     scene.add(dl.lights.directional(direction=-to_light, irradiance=np.pi))
     got = estimate(scene, device, spp=1, size=(4, 4), max_depth=2)
-    np.testing.assert_allclose(got.rgb, (0.6 + 0.8) / np.sqrt(2), rtol=2e-3)
+    np.testing.assert_allclose(got.rgb, 0.6 * np.sin(angle) + 0.8 * np.cos(angle), rtol=2e-3)
 
 
 TINTS = [((0.9, 0.5, 0.2), 0.3), ((0.2, 0.8, 0.9), 0.0), ((1, 1, 0.4), 0.75)]
@@ -282,7 +291,8 @@ def test_tinted_veils_over_a_lit_floor(sampling: str, device: str) -> None:
 
 
 def test_tinted_veils_before_the_sky(device: str) -> None:
-    scene = dl.Scene("veils", environment=dl.environments.constant(radiance=1))
+    scene = dl.Scene("veils")
+    scene.environment = dl.environments.constant(radiance=1)
     tint = np.ones(3)
     for i, (color, _) in enumerate(TINTS):
         veil = dl.materials.diffuse(reflectance=0, opacity=0.0, opacity_tint=color)

@@ -139,11 +139,12 @@ def test_size_is_checked_before_memory_is_taken(tmp_path: Path, monkeypatch: pyt
 
 
 def test_repair_and_linear() -> None:
-    texels = np.array([[[np.nan, np.inf, -np.inf]]], np.float32)
-    fixed, bad = repaired(texels)
-    assert bad == 3
-    assert fixed.tolist() == [[[0, 65504, -65504]]]
-    assert linear_rgb(fixed, "auto").tolist() == [[[0, 65504, 0]]]
+    for kind in (np.float16, np.float32):
+        fixed, bad = repaired(np.array([[[np.nan, np.inf, -np.inf], [1, -2, 3]]], kind))
+        assert bad == 3
+        assert fixed.dtype == kind
+        assert fixed.tolist() == [[[0, 0, 0], [1, -2, 3]]]
+        assert linear_rgb(fixed, "auto").tolist() == [[[0, 0, 0], [1, 0, 3]]]
     grey = np.array([[[255, 7]]], np.uint8)
     assert linear_rgb(grey, "auto").tolist() == [[[1, 1, 1]]]
     half = np.full((1, 1, 3), 128, np.uint8)
