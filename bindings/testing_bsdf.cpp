@@ -232,7 +232,8 @@ void register_horizon(nb::module_& m) {
         return out.array();
       },
       nb::arg("normals"), nb::arg("directions"), nb::arg("back") = false,
-      "Directions (N, 3) bent from the horizon of a shading normal to the surface's (`normals`: the surface's, the shading "
+      "Directions (N, 3) bent from the horizon of a shading normal to the surface's (`normals`: the surface's, the "
+      "shading "
       "one), or back, and the ratio of densities: (N, 4).");
 }
 

@@ -29,17 +29,18 @@ DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, 
 //
 // A cone begins with the camera's, goes on over mirrors and glass as if they were flat, and begins anew at every other
 // scattering, the wider the less its density: so nothing of it need travel with the path but what it has anyway. It is
-// narrower than it might be, half a pixel and a tenth of what bounces would allow, and isn't stretched where it meets a surface
-// at a slant: what is not filtered is left to the samples, which no texture can then blur.
+// narrower than it might be: half a pixel, a tenth of what bounces would allow, and where it meets a surface at a slant, a square of
+// the same area as its section rather than one that holds it. What is not filtered is left to the samples, and they
+// converge to nearly the same picture (docs/architecture.md has figures).
 DST_FN DST_COLD float ray_footprint(const SceneView& scene, const RenderSettings& settings, const Path& path,
                                     const Surface& s, const Hit& hit) {
-  constexpr float kPixels = 0.5f, kBounce = 0.1f, kWidest = 0.05f;
+  constexpr float kPixels = 0.5f, kBounce = 0.1f, kWidest = 0.05f, kFlattest = 0.01f;
   const float distance = path.travelled + hit.t;
-  const float width = path.bsdf_pdf == kInfinity
-                          ? kPixels * (settings.cone.width + settings.cone.spread * distance)
-                          : min(kBounce / sqrtf(path.bsdf_pdf), kWidest) * distance;
+  const float width = path.bsdf_pdf == kInfinity ? kPixels * (settings.cone.width + settings.cone.spread * distance)
+                                                 : min(kBounce / sqrtf(path.bsdf_pdf), kWidest) * distance;
   const UvMap map = uv_map(scene, hit, path.ray.time, s.p);
-  const float area = length(cross(map.dpdu, map.dpdv));
+  const float slant = max(fabsf(dot(s.ng, path.ray.direction)), kFlattest);
+  const float area = length(cross(map.dpdu, map.dpdv)) * slant;
   return area > 0 ? width / sqrtf(area) : 0.0f;
 }
 
@@ -94,8 +95,7 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   // Where the surface counts as the smooth one, its horizon is the interpolated normal's.
   Vec3 side = is_black(s.lift) ? s.ng : s.ns;
   DetailFrame detail{s.ns, s.tangent};
-  if (!Tracer::kSimple && (m.flags & kHasDetail))
-    detail = detail_frame(scene, m, s, context, hit, path.ray.time, side);
+  if (!Tracer::kSimple && (m.flags & kHasDetail)) detail = detail_frame(scene, m, s, context, hit, path.ray.time, side);
   if (!s.front) side = -side, detail.normal = -detail.normal;
   p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
   p.horizon = Horizon::between(side, detail.normal);

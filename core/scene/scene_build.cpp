@@ -33,8 +33,9 @@ std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
   s.host_bytes = a.host.size() * sizeof(HostUnit) + a.host_targets.size() * sizeof(HostTarget) +
                  a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4;
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
-                     a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) + a.uvs.size() * sizeof(Vec2) +
-                     a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
+                     a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) +
+                     a.uvs.size() * sizeof(Vec2) + a.colors.size() * sizeof(Vec4) +
+                     a.instances.size() * sizeof(Instance);
   s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
   s.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return std::move(scene_);

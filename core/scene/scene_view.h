@@ -37,7 +37,8 @@ struct MaterialRecord {
   uint32_t mix_first = kNoIndex, mix_second = kNoIndex;  // materials, if kIsMix
   float opacity_cutoff = 0;                              // > 0: opacity below it is 0, else 1
   float normal_scale = 1;
-  float bump_step = 0;  // between the heights that a slope is taken from: > 0: in texture coordinates; < 0: its metres, negated
+  float bump_step =
+      0;  // between the heights that a slope is taken from: > 0: in texture coordinates; < 0: its metres, negated
 };
 enum SurfaceSlot : uint32_t {
   kOpacitySlot,

@@ -51,13 +51,14 @@ DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p
 // The normal of a surface that stands `height` metres above one with normal n: central differences over `step`
 // (MaterialRecord::bump_step), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
 // on the GPU").
-DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, const Slot& height, const TextureContext& at, const UvMap& map,
-                                   float step, Vec3 n) {
+DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, const Slot& height, const TextureContext& at,
+                                   const UvMap& map, float step, Vec3 n) {
   const float lu = length(map.dpdu), lv = length(map.dpdv);
   const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
   const float det = dot(map.dpdu, across_v);
   if (det == 0) return n;
-  const float du = step > 0 ? max(step, at.footprint) : -step / lu, dv = step > 0 ? max(step, at.footprint) : -step / lv;
+  const float du = step > 0 ? max(step, at.footprint) : -step / lu,
+              dv = step > 0 ? max(step, at.footprint) : -step / lv;
   const auto height_at = [&](float u, float v) {
     TextureContext c = at;
     c.uv = {at.uv.x + u, at.uv.y + v};
@@ -91,8 +92,7 @@ struct DetailFrame {
 
 // What the maps of material m make of a surface whose side is told by the normal `side`.
 DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialRecord& m, const Surface& s,
-                                         const TextureContext& at, const Hit& hit, float time,
-                                         Vec3 side) {
+                                         const TextureContext& at, const Hit& hit, float time, Vec3 side) {
   const Slot* slots = scene.textures.slots.data + m.surface_slot;
   DetailFrame d{s.ns, s.tangent};
   if (!slots[kBumpSlot].is_constant())
@@ -100,8 +100,8 @@ DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialR
   if (length_squared(s.tangent) > 0) {
     Frame frame = Frame::from_zx(d.normal, s.tangent);
     if (!slots[kNormalSlot].is_constant())
-      d.normal = mapped_normal(frame, s.mirrored, eval_slot(slots[kNormalSlot], at, scene.textures, false),
-                               m.normal_scale);
+      d.normal =
+          mapped_normal(frame, s.mirrored, eval_slot(slots[kNormalSlot], at, scene.textures, false), m.normal_scale);
     const Vec3 along = eval_slot(slots[kTangentSlot], at, scene.textures, false);
     const float degrees = eval_slot(slots[kRotationSlot], at, scene.textures, true).x;
     const float x = 2 * along.x - 1, y = (2 * along.y - 1) * (s.mirrored ? -1.0f : 1.0f);

@@ -25,7 +25,7 @@ enum class WrapMode : uint32_t { Repeat, Clamp, Mirror };
 
 // One image: texels row by row, top row first, `channels` (1 to 4) values each.
 struct Image {
-  uint64_t offset = 0;  // first byte in TextureData::texels, a multiple of 4
+  uint64_t offset = 0;                           // first byte in TextureData::texels, a multiple of 4
   uint32_t width = 0, height = 0, channels = 0;  // width 0: no picture
   TexelFormat format = TexelFormat::U8;
   WrapMode wrap_u = WrapMode::Repeat, wrap_v = WrapMode::Repeat;

@@ -11,7 +11,8 @@ struct UdimTexture {
 
   static constexpr const char* name = "udim";
   static constexpr const char* doc =
-      "Pictures side by side, one for each unit square of uv, row by row from u = v = 0 on. Black and transparent where "
+      "Pictures side by side, one for each unit square of uv, row by row from u = v = 0 on. Black and transparent "
+      "where "
       "there is none.";
   static constexpr auto params = param_list<UdimTexture>(
       scalar("first", &UdimTexture::first, 0, "number of the first picture, as add_image returned it")
@@ -25,7 +26,8 @@ struct UdimTexture {
     const Vec2 at = image_uv(tiles[0], c.uv);
     const float column = floorf(at.x), row = floorf(at.y);
     if (!(column >= 0 && column < columns && row >= 0 && row < rows)) return {0, 0, 0, 0};
-    const Image& tile = tiles[static_cast<uint32_t>(row) * static_cast<uint32_t>(columns) + static_cast<uint32_t>(column)];
+    const Image& tile =
+        tiles[static_cast<uint32_t>(row) * static_cast<uint32_t>(columns) + static_cast<uint32_t>(column)];
     if (tile.width == 0) return {0, 0, 0, 0};
     return sample_image_at(tile, data, at.x - column, at.y - row, c.footprint);
   }
