@@ -29,6 +29,7 @@ class MaterialCompiler:
         self._materials: dict[Node, int] = {}
         self._textures: dict[tuple[Node, bool], int | None] = {}
         self._default: int | None = None
+        self._channels: dict[Node, str] = {}  # of image textures
 
     def material(self, node: Node | None, place: str) -> int:
         """The core's number of a material; None is the default one, grey and diffuse."""
@@ -67,6 +68,10 @@ class MaterialCompiler:
             made = {"vertex_color": texture["vertex_color"], **_factor(doc, texture, place)}
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
+        if doc.name in ("normal_map", "tangent_map"):
+            self._check_channel(texture, "rgb" if doc.name == "normal_map" else "rg", place)
+        elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
+            self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}
 
     def texture(self, node: Node, color: bool, place: str) -> int | None:
@@ -83,6 +88,20 @@ class MaterialCompiler:
                 self._textures[key] = None if params is None else self._builder.add_texture(kind, params)
         return self._textures[key]
 
+    def _check_channel(self, texture: Node, channel: str, place: str) -> None:
+        """Whether an image has a channel that is asked for. Raises SceneError."""
+        if texture.type != "image" or texture["missing_channels"] == "fill":
+            return
+        has = self._channels.get(texture, "")
+        wanted = next((c for c in channel if has and c not in has), None)
+        if wanted:
+            raise SceneError(
+                f"the image has no channel {wanted}",
+                place=place,
+                value=f"{texture['path'] or texture.name or 'array'}: {', '.join(has)}",
+                expected="another image or channel, or missing_channels: fill",
+            )
+
     def image(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
         """The core's texture for an image. A missing one gives the stand-in, or None where no colour shows."""
         path = texture["path"]
@@ -95,6 +114,7 @@ class MaterialCompiler:
             if found is None:
                 return "image", self._stand_in(texture, color, place)
             texels = found[1]
+        self._channels[texture] = _CHANNELS[texels.shape[2]]
         return "image", {"image": self._images.add(texels, _is_srgb(texture, texels, color), _options(texture), place)}
 
     def _tiles(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
@@ -105,6 +125,7 @@ class MaterialCompiler:
         if tiles.missing:
             self._note(f"{path}: no tile {', '.join(map(str, tiles.missing))}: black and transparent there")
         kind = next(tile for tile in tiles.texels if tile is not None)
+        self._channels[texture] = _CHANNELS[kind.shape[2]]
         options = {**_options(texture), "wrap_u": "clamp", "wrap_v": "clamp"}
         first = self._images.add_tiles(tiles.texels, _is_srgb(texture, kind, color), options, place)
         return "udim", {"first": first, "columns": tiles.columns, "rows": tiles.rows}
@@ -134,6 +155,9 @@ class MaterialCompiler:
     def _note(self, note: str) -> None:
         if note not in self._assets.notes:
             self._assets.notes.append(note)
+
+
+_CHANNELS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 
 
 def _options(texture: Node) -> dict[str, Any]:

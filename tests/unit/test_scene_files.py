@@ -13,22 +13,7 @@ import destello as dl
 from destello.errors import FormatError, ImageTooLarge, InputError, MissingFileError
 from destello.files import ResolvedFiles
 from destello.images import linear_rgb, missing_image, read_texels, repaired
-
-
-def write_image(path: Path, texels: np.ndarray[Any, Any], *, names: tuple[str, ...] = ()) -> Path:
-    """Writes texels as they are, in their own type."""
-    oiio = pytest.importorskip("OpenImageIO")
-    height, width, channels = texels.shape
-    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}
-    spec = oiio.ImageSpec(width, height, channels, kinds[str(texels.dtype)])
-    if names:
-        spec.channelnames = names
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec), out.geterror()
-    assert out.write_image(texels)
-    out.close()
-    return path
+from scene_files import write_image
 
 
 # --- paths ------------------------------------------------------------------------------------------------------------

@@ -44,7 +44,9 @@ class Textures:
         source = self._source(image)
         settings = {**self._sampler(texture), **_uv_transform(info)}
         try:
-            return source.replace(color_space=color_space, name=self._name(texture, image), **settings)
+            return source.replace(
+                color_space=color_space, missing_channels="fill", name=self._name(texture, image), **settings
+            )
         except Error as error:
             raise error.within(info.place, file=info.file) from None
 
