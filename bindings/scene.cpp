@@ -201,19 +201,25 @@ void register_schema(nb::module_& m) {
       "The declared parameters of everything that a scene is made of.");
 }
 
+void register_images(nb::class_<SceneBuilder>& builder) {
+  builder
+      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
+           nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none(),
+           nb::arg("mip_maps") = false, nb::arg("halvings") = 0, nb::arg("same") = nb::none(),
+           "same: number of an image with the same texels, which are then not copied.")
+      .def("add_no_image", &SceneBuilder::add_no_image, "A place in the row of images that has none.");
+}
+
 }  // namespace
 
 void register_scene(nb::module_& m) {
   register_schema(m);
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
-  nb::class_<SceneBuilder>(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input raises ValueError.")
-      .def(nb::init<>())
-      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
-           nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none(),
-           nb::arg("mip_maps") = false, nb::arg("halvings") = 0, nb::arg("same") = nb::none(),
-           "same: number of an image with the same texels, which are then not copied.")
-      .def("add_no_image", &SceneBuilder::add_no_image, "A place in the row of images that has none.")
+  nb::class_<SceneBuilder> builder(m, "SceneBuilder",
+                                   "Collects a scene; build() finishes it. Bad input raises ValueError.");
+  register_images(builder);
+  builder.def(nb::init<>())
       .def("add_texture", &add_texture, nb::arg("type"), nb::arg("params"))
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
       .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.errors import FormatError, ImageTooLarge
+from destello import ktx2
+from destello.errors import Error, FormatError, ImageTooLarge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +27,9 @@ def read_texels(path: Path) -> NDArray[Any]:
     """
     import OpenImageIO as oiio
 
+    with path.open("rb") as stream:
+        if stream.read(len(ktx2.MAGIC)) == ktx2.MAGIC:
+            return _from_ktx2(path)
     hints = oiio.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), hints)
@@ -46,6 +51,17 @@ def read_texels(path: Path) -> NDArray[Any]:
     return np.ascontiguousarray(texels, dtype=kind)
 
 
+def _from_ktx2(path: Path) -> NDArray[Any]:
+    try:
+        png = ktx2.to_png(path.read_bytes())
+    except Error as error:
+        raise error.within(None, file=path) from None
+    with tempfile.TemporaryDirectory(prefix="destello-") as folder:  # OpenImageIO's Python bindings read files only
+        decoded = Path(folder, "image.png")
+        decoded.write_bytes(png)
+        return read_texels(decoded)
+
+
 def repaired(texels: NDArray[Any]) -> tuple[NDArray[Any], int]:
     """Texels that are all finite, and how many were not: these become 0."""
     if texels.dtype.kind != "f":
@@ -55,7 +71,7 @@ def repaired(texels: NDArray[Any]) -> tuple[NDArray[Any], int]:
     return (np.where(finite, texels, texels.dtype.type(0)), bad) if bad else (texels, 0)
 
 
-_KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads"
+_KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads; KTX2"
 
 
 def _reason(text: str) -> str | None:

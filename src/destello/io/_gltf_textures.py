@@ -12,10 +12,12 @@ from urllib.parse import unquote
 import destello.textures as make
 from destello.errors import Error
 from destello.io._gltf_accessors import Buffers, data_uri
+from destello.io._gltf_compression import can_decode
 from destello.io._gltf_json import Document, Item
 from destello.io._images import decode
 from destello.nodes import Node
 
+BASISU = "KHR_texture_basisu"
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _LONGEST_PATH = 1000
@@ -51,6 +53,9 @@ class Textures:
             raise error.within(info.place, file=info.file) from None
 
     def _image_of(self, texture: Item) -> Item | None:
+        basis = texture.extension(BASISU)
+        if basis is not None and "source" in basis and can_decode(texture, self.document, BASISU, "alktx2"):
+            return self.document.refer(basis, "source", "images")
         webp = texture.extension("EXT_texture_webp")
         if webp is not None and "source" in webp:
             return self.document.refer(webp, "source", "images")
