@@ -21,6 +21,7 @@ NB_MODULE(_core, m) {
   destello::register_testing_bsdf(testing);
   destello::register_testing_build(testing);
   destello::register_testing_light(testing);
+  destello::register_testing_media(testing);
   destello::register_testing_texture(testing);
   destello::register_testing_trace(testing);
 }

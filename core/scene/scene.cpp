@@ -124,7 +124,7 @@ uint32_t SceneBuilder::slot_flags(uint32_t first, size_t count) const {
 void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface,
                                 MaterialRecord* material) {
   Interior in;
-  in.medium.density = surface_value(surface, "medium_density").x;
+  in.medium.density = surface_value(surface, "medium_density");
   in.medium.albedo = surface_value(surface, "medium_albedo");
   in.medium.absorption = surface_value(surface, "medium_absorption");
   in.medium.phase.g = surface_value(surface, "medium_anisotropy").x;

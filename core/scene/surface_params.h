@@ -16,7 +16,7 @@ struct SurfaceParams {
   float bump = 0;
   Vec3 tangent_map;
   float tangent_rotation = 0;
-  float medium_density = 0;
+  Vec3 medium_density;
   Vec3 medium_albedo{1};
   Vec3 medium_absorption;
   float medium_anisotropy = 0;
@@ -50,7 +50,8 @@ struct SurfaceParams {
       scalar("tangent_rotation", &SurfaceParams::tangent_rotation, 0,
              "turns the tangent about the normal, counter-clockwise for who looks at the surface, after tangent_map")
           .unit("deg"),
-      scalar("medium_density", &SurfaceParams::medium_density, 0, "scattering events per metre inside the object")
+      color("medium_density", &SurfaceParams::medium_density, Vec3(0.0f),
+            "scattering events per metre inside the object, per colour")
           .constant()
           .at_least(0)
           .unit("1/m"),

@@ -117,7 +117,7 @@ def _compile(
     ensure_camera(scene, assets.mesh_scene)
     ensure_light(scene, assets.mesh_scene)
     builder = HashingBuilder(_core.SceneBuilder())
-    compiler = SceneCompiler(builder, assets)
+    compiler = SceneCompiler(builder, assets, scene.render.working_space)
     if budget is not None:
         compiler.fit_textures(scene, budget)
     compiler.scene(scene)
@@ -131,10 +131,17 @@ def _compile(
         height=scene.film.height,
         filter=filter_settings(scene.film.filter),
         stats=dict(core.stats()),
-        notes=[*scene.notes, *assets.notes, *compiler.notes()],
+        notes=[*scene.notes, *assets.notes, *compiler.notes(), *_working_space_notes(scene)],
         fingerprint=builder.fingerprint(),
         largest_textures=compiler.largest_textures(),
     )
+
+
+def _working_space_notes(scene: Scene) -> list[str]:
+    """What the core knows in Rec.709 alone."""
+    space = scene.render.working_space
+    fixed = {node.type for node in scene.nodes() if node.type == "planet" or node.params.get("abbe")}
+    return [f"{name}: its own colours are Rec.709's, not {space}'s" for name in sorted(fixed) if space != "rec709"]
 
 
 def filter_settings(node: Node | None) -> dict[str, Any]:
@@ -171,10 +178,10 @@ class SphereBatch:
 class SceneCompiler:
     """Puts one scene, and those in its mesh files, into a core builder."""
 
-    def __init__(self, builder: Any, assets: Assets) -> None:
+    def __init__(self, builder: Any, assets: Assets, working_space: str = "rec709") -> None:
         self.cameras: dict[str, int] = {}
         self._builder = builder
-        self._images = ImageTable(builder)
+        self._images = ImageTable(builder, working_space)
         self._context = Context(MaterialCompiler(builder, assets, self._images), assets)
         self._inner: dict[int, Context] = {}  # by id of the mesh file's assets
         self._meshes: dict[tuple[int, ...], int] = {}
@@ -276,7 +283,7 @@ class SceneCompiler:
         """Meshes that share their arrays are one."""
         key = tuple(id(arrays[name]) for name in sorted(arrays))
         if key not in self._meshes:
-            mesh, dropped = self._builder.add_mesh(**check_mesh(arrays, place))
+            mesh, dropped = self._builder.add_mesh(**self._images.vertex_colors(check_mesh(arrays, place)))
             if dropped:
                 self._dropped[place] = dropped
             self._meshes[key] = mesh

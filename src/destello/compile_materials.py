@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
@@ -16,6 +17,8 @@ from destello.udim import MARK, read_tiles
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+_NUMBERS = frozenset({"normal_map", "tangent_map", "eta", "k", "subsurface_radius_scale"})  # in the guise of colours
 
 
 class MaterialCompiler:
@@ -49,23 +52,39 @@ class MaterialCompiler:
                 self._materials[node] = self._builder.add_material(node.type, params)
         return self._materials[node]
 
-    def params(self, node: Node, place: str, skip: tuple[str, ...] = ()) -> dict[str, Any]:
-        """The parameters of any node in the core's form, those in `skip` left out."""
+    def params(self, node: Node, place: str, skip: tuple[str, ...] = (), *, colors: bool = True) -> dict[str, Any]:
+        """The parameters of any node in the core's form, those in `skip` left out. `colors`: they are looked at."""
         docs, made = node.doc.params, {}
         for name, value in node.params.items():
             if name not in skip:
                 plain = self._value(docs[name], value, f"{place}.{name}") if isinstance(value, Node) else value
                 if plain is not None:
                     made[name] = plain
+        if colors and self._images.working != "rec709":
+            self._bring_in(docs, made)
         return made
+
+    def _bring_in(self, docs: Mapping[str, ParamDoc], made: dict[str, Any]) -> None:
+        """Puts colours, defaults too, into the working space."""
+        for name, doc in docs.items():
+            if is_color(doc):
+                value = made.get(name, doc.default)
+                if isinstance(value, tuple):
+                    inside = self._images.color(value)
+                    if inside is not value:
+                        made[name] = inside
 
     def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""
-        if texture.type == "vertex_color":
-            return {"vertex_color": True, **_factor(doc, texture, place)}
         made: dict[str, Any] = {}
+        if texture.type in ("scaled", "vertex_color"):
+            made = _factor(doc, texture, place)
+            if is_color(doc):
+                made["scale"] = self._images.color(made["scale"])
+        if texture.type == "vertex_color":
+            return {"vertex_color": True, **made}
         if texture.type == "scaled":
-            made = {"vertex_color": texture["vertex_color"], **_factor(doc, texture, place)}
+            made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
         if doc.name in ("normal_map", "tangent_map"):
@@ -83,7 +102,7 @@ class MaterialCompiler:
             if kind == "image":
                 kind, params = self.image(node, color, where)
             else:
-                params = self.params(node, where)
+                params = self.params(node, where, colors=color)
             with core_errors(where):
                 self._textures[key] = None if params is None else self._builder.add_texture(kind, params)
         return self._textures[key]
@@ -115,7 +134,8 @@ class MaterialCompiler:
                 return "image", self._stand_in(texture, color, place)
             texels = found[1]
         self._channels[texture] = _CHANNELS[texels.shape[2]]
-        return "image", {"image": self._images.add(texels, _is_srgb(texture, texels, color), _options(texture), place)}
+        texels, srgb = self._images.decoded(texels, texture["color_space"], color)
+        return "image", {"image": self._images.add(texels, srgb, _options(texture), place)}
 
     def _tiles(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
         path = texture["path"]
@@ -124,10 +144,12 @@ class MaterialCompiler:
             return "image", self._stand_in(texture, color, place)
         if tiles.missing:
             self._note(f"{path}: no tile {', '.join(map(str, tiles.missing))}: black and transparent there")
-        kind = next(tile for tile in tiles.texels if tile is not None)
+        space = texture["color_space"]
+        read = [None if tile is None else self._images.decoded(tile, space, color) for tile in tiles.texels]
+        kind, srgb = next(tile for tile in read if tile is not None)
         self._channels[texture] = _CHANNELS[kind.shape[2]]
         options = {**_options(texture), "wrap_u": "clamp", "wrap_v": "clamp"}
-        first = self._images.add_tiles(tiles.texels, _is_srgb(texture, kind, color), options, place)
+        first = self._images.add_tiles([tile and tile[0] for tile in read], srgb, options, place)
         return "udim", {"first": first, "columns": tiles.columns, "rows": tiles.rows}
 
     def _stand_in(self, texture: Node, color: bool, place: str) -> dict[str, Any] | None:
@@ -146,7 +168,7 @@ class MaterialCompiler:
             if found is None:
                 self._note_missing(texture["path"], True)
             texels = missing_image() if found is None else found[1]
-        return linear_rgb(texels, texture["color_space"])
+        return linear_rgb(texels, texture["color_space"], self._images.working)
 
     def _note_missing(self, path: str, color: bool) -> None:
         stand_in = "a magenta checker" if color else "the parameter's default"
@@ -166,14 +188,9 @@ def _options(texture: Node) -> dict[str, Any]:
     return {name: texture[name] for name in names}
 
 
-def _is_srgb(texture: Node, texels: NDArray[Any], color: bool) -> bool:
-    space = texture["color_space"]
-    return texels.dtype.kind != "f" and color if space == "auto" else bool(space == "srgb")
-
-
 def is_color(doc: ParamDoc) -> bool:
     """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
-    return doc.kind == "color" and doc.name not in ("normal_map", "tangent_map")
+    return doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS
 
 
 def _factor(doc: ParamDoc, texture: Node, place: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.compile_errors import core_errors
 
 if TYPE_CHECKING:
@@ -70,7 +71,11 @@ class StoredImage:
 class ImageTable:
     """Gives images their numbers in the core. Texels are told apart by what they are, not by where they came from."""
 
-    def __init__(self, builder: Any) -> None:
+    def __init__(self, builder: Any, working: str = "rec709") -> None:
+        """`working`: the RGB space into which colours are brought, of `color_spaces.WORKING_SPACES`."""
+        self.working = working
+        self._converted: dict[Hashable, tuple[NDArray[Any], bool]] = {}
+        self._origins: dict[int, str] = {}  # what converted texels were, by id
         self.halvings: Mapping[str, int] = {}
         """How often images are made smaller, by `digest`."""
         self._builder = builder
@@ -88,6 +93,35 @@ class ImageTable:
             self._digests[key] = digest(texels)
             self._kept.append(texels)
         return self._digests[key]
+
+    def decoded(self, texels: NDArray[Any], space: str, color: bool) -> tuple[NDArray[Any], bool]:
+        """Texels of a colour space as the core reads them, and whether as sRGB. `color`: in the working space."""
+        if space == "auto":
+            space = "raw" if not color else "linear" if texels.dtype.kind == "f" else "srgb"
+        if space == "raw":
+            return texels, False
+        target = self.working if color else ENCODINGS[space][0]
+        key = (self.digest(texels), space, target)
+        if key not in self._converted:
+            made, srgb = texels_in(texels, space, target)
+            self._converted[key] = (made, srgb)
+            self._origins[id(made)] = self.digest(texels)
+        return self._converted[key]
+
+    def color(self, rgb: tuple[float, ...]) -> tuple[float, ...]:
+        """Linear Rec.709 in the working space, nothing below 0 that was not before."""
+        if self.working == "rec709" or len(set(rgb)) == 1:
+            return rgb
+        low = min(0.0, *rgb)
+        return tuple(max(float(c), low) for c in converted(rgb, "rec709", self.working))
+
+    def vertex_colors(self, mesh: dict[str, Any]) -> dict[str, Any]:
+        """A mesh's arrays with its colours in the working space."""
+        if self.working == "rec709" or mesh.get("colors") is None:
+            return mesh
+        colors = mesh["colors"].copy()
+        colors[:, :3] = converted(colors[:, :3], "rec709", self.working)
+        return {**mesh, "colors": colors}
 
     def add(self, texels: NDArray[Any], srgb: bool, texture: Mapping[str, Any], place: str) -> int:
         """The core's number for these texels, read as the image texture says."""
@@ -125,7 +159,7 @@ class ImageTable:
                 filter=texture["filter"],
                 uv_transform=uv_transform(texture),
                 mip_maps=mips,
-                halvings=self.halvings.get(content, 0),
+                halvings=self.halvings.get(self._origins.get(id(texels), content), 0),
                 same=same,
             )
         self._texels.setdefault((content, srgb, mips), number)

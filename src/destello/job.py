@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from destello import device as devices
+from destello.color import Display
 from destello.compile import check_quality
 from destello.device import Device
 from destello.errors import InputError, SceneError, did_you_mean
@@ -63,6 +64,8 @@ class Job:
         aovs: layers wanted in the image; `features`: whether the film has to hold them.
         threads: of the CPU; 0: one a core. build: quality of the trees. texture_budget: bytes, or None.
         time, target_error: when to stop early, or None.
+        display: the scene's look.
+        working_space: the RGB space of the film's sums.
     """
 
     width: int
@@ -80,6 +83,8 @@ class Job:
     texture_budget: int | None
     time: float | None
     target_error: float | None
+    display: Display
+    working_space: str
 
     @property
     def pixels(self) -> int:
@@ -101,6 +106,7 @@ class Job:
             "crop": list(self.crop) if self.cropped else None,
             "camera": self.camera,
             "aovs": self.features,
+            "working_space": self.working_space,
             **self.settings,
         }
 
@@ -121,6 +127,7 @@ def plan(scene: Scene, request: Request) -> Job:
         from destello.denoise import check_available
 
         check_available()
+    display = Display.of(scene.render)
     device = devices.choose(request.device)
     devices.check_fits(width, height, aovs=features)
     return Job(
@@ -139,6 +146,8 @@ def plan(scene: Scene, request: Request) -> Job:
         texture_budget=read_size(request.texture_budget),
         time=time,
         target_error=target_error,
+        display=display,
+        working_space=scene.render.working_space,
     )
 
 
