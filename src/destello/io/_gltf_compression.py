@@ -119,7 +119,8 @@ def _filtered(item: Item, raw: NDArray[np.uint8], kind: str) -> Array:
     if kind == "EXPONENTIAL":
         bits = np.ascontiguousarray(raw).view("<i4")
         with np.errstate(over="ignore"):
-            return np.ldexp(((bits << 8) >> 8).astype(np.float64), bits >> 24).astype("<f4")
+            values: Array = np.ldexp(((bits << 8) >> 8).astype(np.float64), bits >> 24).astype("<f4")
+            return values
     stride = raw.shape[1]
     if stride not in ((4, 8) if kind == "OCTAHEDRAL" else (8,)):
         raise item.error("wrong value", "byteStride", value=stride, expected="8, or 4 for OCTAHEDRAL")
