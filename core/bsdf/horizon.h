@@ -43,15 +43,15 @@ struct Horizon {
     return h;
   }
 
-  // From above the shading horizon to above the surface. w.density is 1 / J.
-  DST_HD DST_COLD BentDirection bend(Vec3 w) const {
+  // From above the shading horizon to above the surface; density is 1 / J.
+  DST_HD BentDirection bend(Vec3 w) const {
     const float c = dot(w, n), s = dot(w, t), x = atan2f(s, c) - begin();
     if (x <= 0) return {w, 1};
     const float d = length_of_bent(), part = min(x / d, 1.0f);
     return turned(w, c, s, begin() + x - tilt * part * part, 1.0f / (1.0f - 2 * tilt * part / d));
   }
-  // The other way round: w.density is 1 / J as well.
-  DST_HD DST_COLD BentDirection unbend(Vec3 w) const {
+  // The other way round; density is 1 / J as well.
+  DST_HD BentDirection unbend(Vec3 w) const {
     const float c = dot(w, n), s = dot(w, t), y = atan2f(s, c) - begin();
     if (y <= 0) return {w, 1};
     const float d = length_of_bent(), least = 1.0f - 2 * tilt / d;
@@ -69,5 +69,12 @@ struct Horizon {
     return {w + n * (r * a.cos - c) + t * (r * a.sin - s), density};
   }
 };
+
+// From above the horizon of `shading` to above that of `n`, or back. Where the two are one there is nothing to do.
+DST_FN DST_COLD BentDirection bend_horizon(Vec3 n, Vec3 shading, Vec3 w, bool back) {
+  const Horizon h = Horizon::between(n, shading);
+  if (h.tilt == 0) return {w, 1};
+  return back ? h.unbend(w) : h.bend(w);
+}
 
 }  // namespace destello

@@ -47,44 +47,43 @@ DST_FN DST_COLD float ray_footprint(const SceneView& scene, const RenderSettings
 // The surface as a BSDF sees it.
 struct ShadingPoint {
   Surface surface;
-  Frame frame;      // z on the path's side
-  Vec3 wo;          // local
-  Horizon horizon;  // of what a direction must be above (or below) to be reflected (or transmitted)
+  Frame frame;  // z on the path's side
+  Vec3 wo;      // local
+  Vec3 side;    // unit: what a direction must be above to be reflected, below to be transmitted
   BsdfContext context;
 
+  // Whether the shading normal's horizon is another one.
+  DST_HD bool is_bent() const { return side.x != frame.z.x || side.y != frame.z.y || side.z != frame.z.z; }
   // Where rays to the path's side start, or those to the far side.
   DST_HD Vec3 origin(bool reflected) const {
-    const Vec3 side = surface.front == reflected ? surface.ng : -surface.ng;
-    return offset_origin(reflected ? surface.p + surface.lift : surface.p, surface.error, surface.ng, side);
+    const Vec3 to = surface.front == reflected ? surface.ng : -surface.ng;
+    return offset_origin(reflected ? surface.p + surface.lift : surface.p, surface.error, surface.ng, to);
   }
 };
 
 // The direction in which a BSDF's local direction leaves the surface (see horizon.h).
 DST_FN BentDirection leaving(const ShadingPoint& point, Vec3 local) {
-  Vec3 w = point.frame.to_world(local);
   const float side = local.z < 0 ? -1.0f : 1.0f;
-  float density = 1;
-  if (point.horizon.tilt > 0) {
-    const BentDirection bent = point.horizon.bend(w * side);
-    w = bent.w * side;
-    density = bent.density;
+  BentDirection b{point.frame.to_world(local), 1};
+  if (point.is_bent()) {
+    b = bend_horizon(point.side, point.frame.z, b.w * side, false);
+    b.w = b.w * side;
   }
-  const float up = dot(w, point.horizon.n) * side;
-  if (up < 0) w -= point.horizon.n * (up * side);  // rounding
-  return {w, density};
+  const float up = dot(b.w, point.side) * side;
+  if (up < 0) b.w -= point.side * (up * side);  // rounding
+  return b;
 }
 
 // The local direction that leaves the surface along w; density 0: none does.
 DST_FN BentDirection entering(const ShadingPoint& point, Vec3 w) {
-  const float side = dot(w, point.horizon.n) < 0 ? -1.0f : 1.0f;
-  float density = 1;
-  if (point.horizon.tilt > 0) {
-    const BentDirection straight = point.horizon.unbend(w * side);
-    w = straight.w * side;
-    density = straight.density;
+  const float side = dot(w, point.side) < 0 ? -1.0f : 1.0f;
+  BentDirection b{w, 1};
+  if (point.is_bent()) {
+    b = bend_horizon(point.side, point.frame.z, w * side, true);
+    b.w = b.w * side;
   }
-  const Vec3 local = point.frame.to_local(w);
-  return {local, local.z * side > 0 ? density : 0.0f};
+  const Vec3 local = point.frame.to_local(b.w);
+  return {local, local.z * side > 0 ? b.density : 0.0f};
 }
 
 template <class Tracer>
@@ -93,12 +92,12 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   ShadingPoint p;
   p.surface = s;
   // Where the surface counts as the smooth one, its horizon is the interpolated normal's.
-  Vec3 side = is_black(s.lift) ? s.ng : s.ns;
+  p.side = is_black(s.lift) ? s.ng : s.ns;
   DetailFrame detail{s.ns, s.tangent};
-  if (!Tracer::kSimple && (m.flags & kHasDetail)) detail = detail_frame(scene, m, s, context, hit, path.ray.time, side);
-  if (!s.front) side = -side, detail.normal = -detail.normal;
+  if (!Tracer::kSimple && (m.flags & kHasDetail))
+    detail = detail_frame(scene, m, s, context, hit, path.ray.time, p.side);
+  if (!s.front) p.side = -p.side, detail.normal = -detail.normal;
   p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
-  p.horizon = Horizon::between(side, detail.normal);
   // Seen from behind its shading normal a surface looks as in the mirror: BSDFs know the upper side only, nothing jumps where
   // the normal turns away, and what a mirror then shows is what the flat surface would.
   p.wo = p.frame.to_local(-path.ray.direction);

@@ -76,19 +76,22 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
   return s;
 }
 
-// From a point p of a triangle to the smooth surface for which its vertex normals stand: the mean of what lifts p onto the
-// planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4). `out`: the
-// triangle's normal on the side of interest. Rays that start there see the horizon of the smooth surface, not of its facets.
-DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, ObjectRecord object, uint32_t triangle, Vec2 at, float time,
-                                 TriangleVertices vertices, Vec3 p, Vec3 out) {
+// From a point p of a triangle, in its own space, to the smooth surface for which its vertex normals stand: the mean of what
+// lifts p onto the planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter
+// 4), on the side that the ray comes from. Rays that start there see the horizon of the smooth surface, not of its facets.
+DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, const Hit& hit,
+                                 const Ray& ray, TriangleVertices vertices, Vec3 p, Vec3 ng) {
+  Vec3 w = ray.direction;
+  if (hit.instance != Hit::kNone) w = scene.geometry.instances[hit.instance].local_at(ray.time).vector(w);
+  const Vec3 out = face_towards(ng, -w);
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
-  const float weights[3] = {1.0f - at.x - at.y, at.x, at.y};
+  const float weights[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
   const Vec3 corners[3] = {vertices.a, vertices.b, vertices.c};
   Vec3 lift;
   for (int k = 0; k < 3; ++k) {
     Vec3 n = scene.normals[object.first_normal + index[k]];
     if (object.first_normal_end != kNoIndex) {
-      n = lerp(n, scene.normals[object.first_normal_end + index[k]], time);
+      n = lerp(n, scene.normals[object.first_normal_end + index[k]], ray.time);
       if (length_squared(n) > 0) n = normalize(n);
     }
     n = face_towards(n, out);
@@ -146,10 +149,8 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
     s.mirrored = a.mirrored != (object.flipped != 0);
     s.uv = a.uv;
     s.color = a.color;
-    if (object.first_normal != kNoIndex && !(scene.materials[s.material].flags & kIsBoundary)) {
-      const Vec3 d = instanced ? instance->local_at(ray.time).vector(ray.direction) : ray.direction;
-      s.lift = smooth_lift(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v, s.p, face_towards(s.ng, -d));
-    }
+    if (object.first_normal != kNoIndex && !(scene.materials[s.material].flags & kIsBoundary))
+      s.lift = smooth_lift(scene, object, prim.primitive, hit, ray, v, s.p, s.ng);
   }
   if (instanced) s = place_surface(*instance, ray.time, s);
   s.ns = face_towards(normalize(s.ns), s.ng);

@@ -90,8 +90,8 @@ DST_FN int wrap_texel(int i, int size, WrapMode mode) {
   return i;
 }
 
-// Linear RGBA of one level at (u, v) in [0, 1].
-DST_FN Vec4 sample_level(const Image& image, const ImageLevel& level, const TextureData& data, float u, float v) {
+// Linear RGBA of one level at (u, v) in [0, 1]. One copy, for all that looks images up.
+DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const TextureData& data, float u, float v) {
   const float x = u * static_cast<float>(level.width), y = (1.0f - v) * static_cast<float>(level.height);
   if (!image.bilinear) {
     const int column = min(static_cast<int>(x), level.width - 1), row = min(static_cast<int>(y), level.height - 1);
@@ -125,7 +125,7 @@ DST_FN float straight_log2(float x) {
 
 // Linear RGBA of an image at (u, v) of its own, seen through a window `footprint` wide in mesh uv: as it is where a texel is
 // larger than that, else between the two levels whose texels come closest (Williams 1983).
-DST_FN Vec4 sample_image_at(const Image& image, const TextureData& data, float u, float v, float footprint) {
+DST_NOINLINE Vec4 sample_image_at(const Image& image, const TextureData& data, float u, float v, float footprint) {
   u = wrap_coordinate(u, image.wrap_u);
   v = wrap_coordinate(v, image.wrap_v);
   const ImageLevel whole = image_level(image, 0);
