@@ -32,16 +32,15 @@ DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, 
 // narrower than it might be: half a pixel, a tenth of what bounces would allow, and where it meets a surface at a slant, a square of
 // the same area as its section rather than one that holds it. What is not filtered is left to the samples, and they
 // converge to nearly the same picture (docs/architecture.md has figures).
-DST_FN DST_COLD float ray_footprint(const SceneView& scene, const RenderSettings& settings, const Path& path,
-                                    const Surface& s, const Hit& hit) {
+DST_FN float ray_footprint(const SceneView& scene, const RenderSettings& settings, const Path& path, const Surface& s,
+                           const Hit& hit) {
   constexpr float kPixels = 0.5f, kBounce = 0.1f, kWidest = 0.05f, kFlattest = 0.01f;
   const float distance = path.travelled + hit.t;
   const float width = path.bsdf_pdf == kInfinity ? kPixels * (settings.cone.width + settings.cone.spread * distance)
                                                  : min(kBounce / sqrtf(path.bsdf_pdf), kWidest) * distance;
-  const UvMap map = uv_map(scene, hit, path.ray.time, s.p);
   const float slant = max(fabsf(dot(s.ng, path.ray.direction)), kFlattest);
-  const float area = length(cross(map.dpdu, map.dpdv)) * slant;
-  return area > 0 ? width / sqrtf(area) : 0.0f;
+  const float area = uv_area(scene, hit, path.ray.time, s.p);
+  return area > 0 ? width / sqrtf(area * slant) : 0.0f;
 }
 
 // The surface as a BSDF sees it.

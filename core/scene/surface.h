@@ -79,10 +79,11 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
 // From a point p of a triangle, in its own space, to the smooth surface for which its vertex normals stand: the mean of what
 // lifts p onto the planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter
 // 4), on the side that the ray comes from. Rays that start there see the horizon of the smooth surface, not of its facets.
-DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, const Hit& hit,
-                                 const Ray& ray, TriangleVertices vertices, Vec3 p, Vec3 ng) {
-  Vec3 w = ray.direction;
-  if (hit.instance != Hit::kNone) w = scene.geometry.instances[hit.instance].local_at(ray.time).vector(w);
+// `direction`: of that ray, in the world.
+DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, Hit hit,
+                                 float time, Vec3 direction, TriangleVertices vertices, Vec3 p, Vec3 ng) {
+  Vec3 w = direction;
+  if (hit.instance != Hit::kNone) w = scene.geometry.instances[hit.instance].local_at(time).vector(w);
   const Vec3 out = face_towards(ng, -w);
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
   const float weights[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
@@ -91,7 +92,7 @@ DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& obj
   for (int k = 0; k < 3; ++k) {
     Vec3 n = scene.normals[object.first_normal + index[k]];
     if (object.first_normal_end != kNoIndex) {
-      n = lerp(n, scene.normals[object.first_normal_end + index[k]], ray.time);
+      n = lerp(n, scene.normals[object.first_normal_end + index[k]], time);
       if (length_squared(n) > 0) n = normalize(n);
     }
     n = face_towards(n, out);
@@ -150,7 +151,7 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
     s.uv = a.uv;
     s.color = a.color;
     if (object.first_normal != kNoIndex && !(scene.materials[s.material].flags & kIsBoundary))
-      s.lift = smooth_lift(scene, object, prim.primitive, hit, ray, v, s.p, s.ng);
+      s.lift = smooth_lift(scene, object, prim.primitive, hit, ray.time, ray.direction, v, s.p, s.ng);
   }
   if (instanced) s = place_surface(*instance, ray.time, s);
   s.ns = face_towards(normalize(s.ns), s.ng);

@@ -48,11 +48,17 @@ DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p
   return map;
 }
 
+// Square metres of a unit square of uv; 0: unknown.
+DST_FN DST_COLD float uv_area(const SceneView& scene, Hit hit, float time, Vec3 p) {
+  const UvMap map = uv_map(scene, hit, time, p);
+  return length(cross(map.dpdu, map.dpdv));
+}
+
 // The normal of a surface that stands `height` metres above one with normal n: central differences over `step`
 // (MaterialRecord::bump_step), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
 // on the GPU").
-DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, const Slot& height, const TextureContext& at,
-                                   const UvMap& map, float step, Vec3 n) {
+DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map, float step,
+                                   Vec3 n) {
   const float lu = length(map.dpdu), lv = length(map.dpdv);
   const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
   const float det = dot(map.dpdu, across_v);
@@ -90,9 +96,10 @@ struct DetailFrame {
   Vec3 normal, tangent;  // the tangent of any length; 0: unknown
 };
 
-// What the maps of material m make of a surface whose side is told by the normal `side`.
-DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialRecord& m, const Surface& s,
-                                         const TextureContext& at, const Hit& hit, float time, Vec3 side) {
+// What the maps of material m make of a surface whose side is told by the normal `side`. (Arguments by value, so that the
+// caller's stay in registers.)
+DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialRecord& m, Surface s, TextureContext at,
+                                         Hit hit, float time, Vec3 side) {
   const Slot* slots = scene.textures.slots.data + m.surface_slot;
   DetailFrame d{s.ns, s.tangent};
   if (!slots[kBumpSlot].is_constant())
