@@ -10,7 +10,7 @@ import pytest
 
 import destello as dl
 from destello import _core
-from destello.errors import FormatError, InputError, MissingFileError, SceneError
+from destello.errors import FormatError, InputError, MissingFileError, RenderError, SceneError
 from destello.image_table import StoredImage
 from destello.texture_memory import fit, read_size
 from scene_files import write_image
@@ -238,6 +238,15 @@ def test_a_budget_holds_in_the_core_and_is_told(tmp_path: Path) -> None:
     assert compiled.fingerprint != scene.compile().fingerprint
     assert scene.info()["texture_bytes"] == pytest.approx(full, abs=64)
     assert "256x256 1024.0 KiB" in scene.info()["largest_textures"]
+
+
+def test_a_device_without_room_names_what_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_args: Any, **_options: Any) -> None:
+        raise RuntimeError("out of memory: 1.0 GiB asked for, 0.5 GiB free")
+
+    monkeypatch.setattr(_core, "Renderer", full)
+    with pytest.raises(RenderError, match=r"0.5 GiB free.*textures need.*256x256.*--texture-budget"):
+        dl.render(horizon(np.zeros((256, 256, 3), np.uint8), True), spp=1, size=(4, 4), device="cpu", progress=False)
 
 
 def test_sizes_are_read() -> None:
