@@ -55,7 +55,7 @@ class Assets:
         if real not in self._images:
             self._images[real], bad = repaired(self._read(read_texels, real, place))
             if bad:
-                self.notes.append(f"{path}: {bad} values were infinite or not numbers and were replaced")
+                self.notes.append(f"{path}: {bad} values are infinite or not numbers: they count as 0")
         return real, self._images[real]
 
     def volume(self, node: Node, place: str) -> Node:
