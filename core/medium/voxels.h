@@ -1,8 +1,7 @@
 // Numbers on a regular grid of points in space, kept as they came.
 #pragma once
 
-#include <cstring>
-
+#include "base/half.h"
 #include "base/vec.h"
 
 namespace destello {
@@ -10,15 +9,6 @@ namespace destello {
 enum class VoxelFormat : uint32_t { U8, F16, F32 };
 DST_FN constexpr uint32_t voxel_bytes(VoxelFormat f) {
   return f == VoxelFormat::U8 ? 1 : f == VoxelFormat::F16 ? 2 : 4;
-}
-
-// An IEEE half, not negative, as a float.
-DST_FN float half_to_float(uint32_t h) {
-  if (h < 0x400) return static_cast<float>(h) * 0x1p-24f;  // also where the device flushes denormals
-  const uint32_t bits = (h << 13) + (112u << 23);
-  float f;
-  memcpy(&f, &bits, sizeof(f));
-  return f;
 }
 
 // Where one of a medium's arrays is among all voxels. Its order is z, y, x, channel: x changes fastest but for the channel.
