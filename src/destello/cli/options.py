@@ -127,6 +127,9 @@ WorkingSpace = Annotated[
 AllowMissing = Annotated[
     bool, Option("--allow-missing", help="A visible stand-in for missing images.", rich_help_panel=_IN)
 ]
+Variant = Annotated[
+    str | None, Option(metavar="NAME", help="One of a glTF file's material variants.", rich_help_panel=_IN)
+]
 AllowExternal = Annotated[
     bool, Option("--allow-external", help="The scene may use files outside its folder.", rich_help_panel=_IN)
 ]

@@ -59,6 +59,7 @@ def render(
     json_: o.Json = False,
     json_file: o.JsonFile = None,
     quiet: o.Quiet = False,
+    variant: o.Variant = None,
     allow_missing: o.AllowMissing = False,
     allow_external: o.AllowExternal = False,
 ) -> int:
@@ -73,7 +74,7 @@ def render(
     look = Look(exposure, white_balance, tone, curve, ocio_config, ocio_display, ocio_view).values()
     numbers = o.read_frames(frames)
     written = _Written(look, output or _default_name(scene, numbers), file_format, bits, quality, p3)
-    job = _Command(scene, arguments, written, preview, numbers, resume, json_, json_file, quiet)
+    job = _Command(scene, arguments, written, preview, numbers, resume, json_, json_file, quiet, variant)
     job.check()
     with _terminate_like_interrupt():
         return job.run()
@@ -150,6 +151,7 @@ class _Command:
     json: bool
     json_file: str | None
     quiet: bool
+    variant: str | None
 
     def check(self) -> None:
         """Everything that can be known to be wrong before the scene is read. Raises InputError or OutputError."""
@@ -189,7 +191,7 @@ class _Command:
         from destello import io
 
         flags = {name: self.arguments[name] for name in ("allow_missing", "allow_external")}
-        scene = io.load(self.scene, **flags)
+        scene = io.load(self.scene, variant=self.variant, **flags)
         figures: list[dict[str, Any]] = []
         try:
             code = self._render_frames(scene, figures) if self.frames else self._render(scene, figures)
