@@ -21,6 +21,8 @@ def assert_as_compiled_anew(live: LiveScene, device: str, what: object) -> None:
     fresh = LiveScene(live.scene, device)
     assert np.array_equal(picture(live), picture(fresh)), what
     assert np.array_equal(live.ids(SIZE), fresh.ids(SIZE)), what
+    flags = ("interiors", "lights", "clear_shadows", "simple")
+    assert {name: live.stats()[name] for name in flags} == {name: fresh.stats()[name] for name in flags}, what
 
 
 # --- the same pictures ------------------------------------------------------------------------------------------------
@@ -160,6 +162,31 @@ def test_what_is_compiled_anew_says_why(device: str, monkeypatch: pytest.MonkeyP
     image = dl.textures.image(np.full((16, 16, 3), 0.5, np.float32))
     assert "given up" in live.set_material("ball", {"reflectance": image}).recompiled
     assert_as_compiled_anew(live, device, "compiled anew")
+
+
+def test_what_is_gone_slows_nothing_down(device: str) -> None:
+    scene = scenes.build("cornell")
+    live = LiveScene(scene, device)
+    assert live.stats()["simple"] == 1
+    for material in (dl.materials.interface(medium_density=1), dl.materials.diffuse(opacity=0.5)):
+        live.set_material("tall box", material)
+        assert live.stats()["simple"] == 0
+        live.update(scene)
+        assert live.stats()["simple"] == 1
+        assert live.stats()["interiors"] == 0
+
+
+def test_insides_that_are_gone_leave_no_gap(device: str) -> None:
+    scene = studio()
+    fog = dl.materials.interface(medium_density=2, medium_albedo=(0.9, 0.3, 0.1))
+    scene.shapes[1] = scene.shapes[1].replace(material=dl.materials.dielectric(ior=1.3))
+    scene.shapes[3] = scene.shapes[3].replace(material=fog)
+    live = LiveScene(scene, device)
+    assert live.stats()["interiors"] == 3
+    live.set_material("ball", dl.materials.diffuse())
+    live.set_material("glass", {"ior": 2.0})  # comes to lie where the fog's was
+    assert live.stats()["interiors"] == 2
+    assert_as_compiled_anew(live, device, "interiors")
 
 
 def test_a_new_texture_goes_in_place(device: str) -> None:
