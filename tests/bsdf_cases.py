@@ -52,8 +52,17 @@ BY_HAND: dict[str, list[dict[str, Any]]] = {
     "openpbr": [
         {"base_metalness": 1.0, "specular_roughness": 0.5, "specular_color": (0.9, 0.6, 0.3)},
         {"base_metalness": 1.0, "specular_roughness": 0.4, "specular_roughness_anisotropy": 0.7},
-        *({"transmission_weight": 1.0, "specular_roughness": r, "inside": i} for r in (0.0, 0.4) for i in (False, True)),
-        {"transmission_weight": 0.7, "subsurface_weight": 0.5, "specular_roughness": 0.6, "base_diffuse_roughness": 0.5},
+        *(
+            {"transmission_weight": 1.0, "specular_roughness": r, "inside": i}
+            for r in (0.0, 0.4)
+            for i in (False, True)
+        ),
+        {
+            "transmission_weight": 0.7,
+            "subsurface_weight": 0.5,
+            "specular_roughness": 0.6,
+            "base_diffuse_roughness": 0.5,
+        },
         {"transmission_weight": 0.7, "subsurface_weight": 0.5, "base_metalness": 0.2, "inside": True},
         {"transmission_weight": 0.6, "specular_ior": 1.2, "outside_ior": 1.5, "subsurface_weight": 0.5},
         {"transmission_weight": 0.5, "geometry_thin_walled": True, "transmission_color": (0.9, 0.5, 0.2)},

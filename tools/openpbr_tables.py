@@ -1,6 +1,6 @@
 """Write core/bsdf/openpbr/tables.h: albedos of OpenPBR's lobes, by quadrature, and the thin film's wavelengths.
 
-Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h
+Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h, then clang-format -i on it
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def fuzz_albedo(mu: float, roughness: float) -> float:
     phi = (np.arange(256) + 0.5) * np.pi / 256
     zz, pp = np.meshgrid(z, phi, indexing="ij")
     wi = np.stack([np.sqrt(1 - zz**2) * np.cos(pp), np.sqrt(1 - zz**2) * np.sin(pp), zz], -1)
-    h = wi + [np.sqrt(1 - mu * mu), 0, mu]
+    h = wi + np.array([np.sqrt(1 - mu * mu), 0, mu])
     h /= np.linalg.norm(h, axis=-1, keepdims=True)
     sine = np.sqrt(np.clip(1 - h[..., 2] ** 2, 0, 1))
     d = (2 + 1 / alpha) * sine ** (1 / alpha) / (2 * np.pi)
@@ -86,7 +86,7 @@ def fuzz_albedo(mu: float, roughness: float) -> float:
 
 
 def cosine_mean(rows: Floats) -> Floats:
-    """Return 2 * integral of mu * row(mu) d mu over the last axis, exactly for rows linear between nodes in sqrt(mu)."""
+    """Return 2 * integral of mu * row(mu) d mu over the last axis, exactly for rows linear in sqrt(mu)."""
     x = np.linspace(0, 1, rows.shape[-1])
     lo, hi = x[:-1], x[1:]
     slope = np.diff(rows) / (hi - lo)
@@ -109,7 +109,8 @@ def table(name: str, doc: str, values: Floats) -> str:
     """Return a function that looks up 16-bit fractions."""
     body = lines([f"{round(v * 65535)}," for v in values.ravel()])
     return (
-        f"\n// {doc}\nDST_FN uint16_t {name}(int i) {{\n  static constexpr uint16_t kTable[{values.size}] = {{\n{body}\n"
+        f"\n// {doc}\nDST_FN uint16_t {name}(int i) {{\n"
+        f"  static constexpr uint16_t kTable[{values.size}] = {{\n{body}\n"
         "  };\n  return kTable[i];\n}"
     )
 
@@ -118,7 +119,7 @@ HEAD = f"""\
 // Written by tools/openpbr_tables.py; do not edit.
 //
 // Albedos of isotropic GGX between dielectrics (Smith, height-correlated, single scattering). The fastest index is the
-// square root of the cosine from 0 to 1, then roughness (alpha is its square) from 0 to 1, then s = (eta - 1) / (eta + 1):
+// square root of the cosine from 0 to 1, then roughness (alpha is its square), 0 to 1, then (eta - 1) / (eta + 1):
 // by its square root, 0 to 1/2 for what is reflected, -1/2 to 1/2 for what is lost. 16-bit fractions of 1.
 #pragma once
 
@@ -143,7 +144,8 @@ def film_wavelengths() -> str:
     body = lines([f"{{{w[0]:.7f}f, {w[1]:.7f}f, {w[2]:.7f}f}}," for w in weight])
     return (
         "\n// The wavelength in nm, and its share of each of red, green and blue.\n"
-        f"DST_FN float film_wavelength(int i) {{ return {nm[0]:.4f}f + {nm[1] - nm[0]:.4f}f * static_cast<float>(i); }}\n"
+        "DST_FN float film_wavelength(int i) { "
+        f"return {nm[0]:.4f}f + {nm[1] - nm[0]:.4f}f * static_cast<float>(i); }}\n"
         f"DST_FN Vec3 film_weight(int i) {{\n  static constexpr float kTable[{WAVELENGTHS}][3] = {{\n{body}\n  }};\n"
         "  return {kTable[i][0], kTable[i][1], kTable[i][2]};\n}"
     )
@@ -164,7 +166,13 @@ def main() -> None:
     print(table("reflected_mean_entry", "The same, its cosine-weighted mean over directions.", cosine_mean(up)))
     print(table("lost_entry", "Lost: neither reflected nor refracted.", lost))
     print(table("lost_mean_entry", "The same, its cosine-weighted mean over directions.", cosine_mean(lost)))
-    print(table("fuzz_entry", "A quarter of the albedo of the fuzz lobe, which may exceed 1 before it is normalised.", fuzz / 4))
+    print(
+        table(
+            "fuzz_entry",
+            "A quarter of the albedo of the fuzz lobe, which may exceed 1 before it is normalised.",
+            fuzz / 4,
+        )
+    )
     print(film_wavelengths())
     print("\n}  // namespace destello::openpbr")
 

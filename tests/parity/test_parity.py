@@ -61,12 +61,22 @@ def layered() -> dl.Scene:
     floor = dl.materials.diffuse(reflectance=dl.textures.checker(even=(0.8, 0.8, 0.8), odd=(0.2, 0.2, 0.3), scale=0.5))
     s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=floor))
     looks: list[dict[str, Any]] = [
-        {"base_color": (0.7, 0.2, 0.1), "base_diffuse_roughness": 0.6, "coat_weight": 1.0, "coat_color": (0.9, 0.7, 0.5)},
+        {
+            "base_color": (0.7, 0.2, 0.1),
+            "base_diffuse_roughness": 0.6,
+            "coat_weight": 1.0,
+            "coat_color": (0.9, 0.7, 0.5),
+        },
         {"base_metalness": 1.0, "specular_roughness_anisotropy": 0.6, "thin_film_weight": 0.8},
         {"transmission_weight": 1.0, "specular_roughness": 0.1, "transmission_color": (0.5, 0.9, 0.6)}
         | {"transmission_depth": 1.0, "transmission_scatter": (0.2, 0.1, 0.1), "transmission_dispersion_scale": 0.5},
         {"subsurface_weight": 1.0, "subsurface_radius": 0.2, "subsurface_color": (0.9, 0.6, 0.4)},
-        {"fuzz_weight": 0.8, "fuzz_color": (0.4, 0.5, 0.9), "emission_luminance": 50.0, "emission_color": (0.2, 0.1, 0.3)},
+        {
+            "fuzz_weight": 0.8,
+            "fuzz_color": (0.4, 0.5, 0.9),
+            "emission_luminance": 50.0,
+            "emission_color": (0.2, 0.1, 0.3),
+        },
         {"geometry_thin_walled": True, "transmission_weight": 0.5, "subsurface_weight": 0.5, "geometry_opacity": 0.8},
     ]
     for i, look in enumerate(looks):

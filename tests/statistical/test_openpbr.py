@@ -143,7 +143,9 @@ def test_tables_are_the_albedos_of_single_scattering(ior: float, roughness: floa
         t = testing.openpbr_albedos(cosine, roughness, ior if front else 1 / ior)
         assert_mean(1 + s.power()[:, 0], 2 - t["lost"], comparisons=200, slack=0.004)
         if front:
-            assert_mean(1 + np.where(s.transmitted, 0, s.power()[:, 0]), 1 + t["reflected"], comparisons=200, slack=0.0015)
+            assert_mean(
+                1 + np.where(s.transmitted, 0, s.power()[:, 0]), 1 + t["reflected"], comparisons=200, slack=0.0015
+            )
     s = Case("conductor", {"roughness": roughness, "fresnel": "none", "reflectance": 1.0}).sample(wo, u)
     t = testing.openpbr_albedos(cosine, roughness, 1.0)
     assert_mean(1 + s.power()[:, 0], 2 - t["facets_lose"], comparisons=200, slack=0.0015)

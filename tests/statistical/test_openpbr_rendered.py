@@ -1,4 +1,4 @@
-"""OpenPBR in whole pictures: furnaces with an inside, subsurface against a brute-force walk, emission, opacity, mistakes."""
+"""OpenPBR in whole pictures: furnaces with an inside, subsurface against a walk by brute force, emission, mistakes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from stats import z_threshold
 Floats = NDArray[np.float64]
 
 
-def sphere(device: str, material: Any, *, spp: int = 256, radius: float = 1.0, depth: int = 4000) -> tuple[Floats, Floats]:
+def sphere(
+    device: str, material: Any, *, spp: int = 256, radius: float = 1.0, depth: int = 4000
+) -> tuple[Floats, Floats]:
     """Mean radiance of a sphere under a sky of radiance 1, seen from the front, and its standard error: (3,), (3,)."""
     s = dl.Scene()
     s.film.width = s.film.height = 12
@@ -60,12 +62,9 @@ def walk(albedo: float, g: float, held: float, n: int, rng: np.random.Generator)
         leaves = up & (rng.random(len(z)) >= held)
         out += int(leaves.sum())
         u = rng.random(len(z))
-        if g == 0:
-            cosine = 1 - 2 * u
-        else:
-            cosine = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * u)) ** 2) / (2 * g)
-        sines = np.sqrt((1 - mu**2) * (1 - cosine**2))
-        turned = mu * cosine + sines * np.cos(2 * np.pi * rng.random(len(z)))
+        deflected = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * u)) ** 2) / (2 * g) if g else 1 - 2 * u
+        sines = np.sqrt((1 - mu**2) * (1 - deflected**2))
+        turned = mu * deflected + sines * np.cos(2 * np.pi * rng.random(len(z)))
         mu = np.where(up, np.sqrt(rng.random(len(z))), turned.clip(-1, 1))
         live = ~leaves & (up | (rng.random(len(z)) < albedo))
         z, mu = np.where(up, 0, z)[live], mu[live]
@@ -85,13 +84,17 @@ def test_subsurface_shows_its_colour(device: str, rng: np.random.Generator, colo
     by_walk = walk(albedo, g, medium["held"], 20_000, rng)
     assert by_walk == pytest.approx(colour, abs=0.03)  # van de Hulst's formula is an approximation
     look = {"subsurface_weight": 1.0, "subsurface_color": colour, "subsurface_scatter_anisotropy": g}
-    mean, sigma = sphere(device, dl.materials.openpbr(**look, subsurface_radius=0.001, subsurface_radius_scale=1.0), spp=128)
+    mean, sigma = sphere(
+        device, dl.materials.openpbr(**look, subsurface_radius=0.001, subsurface_radius_scale=1.0), spp=128
+    )
     reflected = testing.openpbr_albedos(0.95, 0.3, 1.5)["reflected"]
     assert_radiance((mean, sigma), reflected + (1 - reflected) * by_walk, 0.012)
 
 
 def test_emission_in_nits(device: str) -> None:
-    material = dl.materials.openpbr(base_weight=0, specular_weight=0, emission_luminance=683.0, emission_color=(1, 0.5, 0))
+    material = dl.materials.openpbr(
+        base_weight=0, specular_weight=0, emission_luminance=683.0, emission_color=(1, 0.5, 0)
+    )
     mean, _ = sphere(device, material, spp=16)
     np.testing.assert_allclose(mean, (1, 0.5, 0), atol=1e-5)
 
