@@ -1,6 +1,7 @@
 // The fuzz layer: fibres that stand up from the surface and shine at grazing angles.
 #pragma once
 
+#include "base/warp.h"
 #include "bsdf/openpbr/albedo.h"
 
 namespace destello::openpbr {

@@ -1,6 +1,7 @@
 // Iridescence: Fresnel reflection with a thin film on the surface.
 #pragma once
 
+#include "base/warp.h"
 #include "bsdf/fresnel.h"
 #include "bsdf/openpbr/tables.h"
 
