@@ -5,8 +5,8 @@
 //
 // `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...), and
 // static constexpr bool kSimple: the scene has neither media, holes, mixes, normal maps nor heavy materials
-// (SceneView::simple), and the code for them is left out; `Materials`: the list of the materials that a scene may have,
-// MaterialsOf<kSimple>.
+// (SceneView::simple), and the code for them is left out; kTextured: parameters of materials may have textures;
+// `Materials`: the list of the materials that a scene may have.
 #pragma once
 
 #include "integrate/surface_scattering.h"
@@ -104,7 +104,7 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
   const MaterialSample answer =
       dispatch(typename Tracer::Materials{}, m.type,
-               AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light, has_light});
+               AskMaterial<Numbers, Tracer::kTextured>{scene, m.first_slot, texture, point, *path, numbers, to_light, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {

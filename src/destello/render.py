@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from destello import device as devices
 from destello._version import __version__
 from destello.color import Display
 from destello.errors import InputError, OutputError, RenderError
@@ -115,6 +116,7 @@ def render(
     preview_target = preview if isinstance(preview, Target) or preview is None else Target.of(preview)
     outputs = _Outputs(preview_target, _film_path(resume), _film_path(rescue))
     outputs.check()
+    devices.warm_up(device)
     scene = _open(scene, allow_missing=allow_missing, allow_external=allow_external)
     request = Request(
         spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth, samples=samples, crop=crop,

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures"]
+SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "a large tree"]
 
 
 def opaque() -> dl.Scene:
@@ -53,7 +53,12 @@ def everything() -> dl.Scene:
     return s
 
 
-MADE = {"textures and media": everything, "normal maps and mixtures": opaque}
+def large() -> dl.Scene:
+    """A tree in which the queue kernel keeps rays over turns, shadow rays too."""
+    return scenes.build("interior", 0.05)
+
+
+MADE = {"textures and media": everything, "normal maps and mixtures": opaque, "a large tree": large}
 
 
 def compiled(name: str) -> tuple[Any, dict[str, Any], int]:
@@ -101,7 +106,7 @@ def test_same_picture(name: str, sampling: str, features: bool) -> None:
         assert np.median(difference) <= 1e-4 * max(1.0, float(np.abs(cpu.aov(aov)).max()))
 
 
-@pytest.mark.parametrize("name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media"])
+@pytest.mark.parametrize("name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "a large tree"])
 def test_bits_do_not_depend_on_the_split(name: str) -> None:
     core, settings, height = compiled(name)
     whole = film(core, "cuda:0", height, settings).state()
@@ -115,7 +120,7 @@ def test_bits_do_not_depend_on_the_split(name: str) -> None:
 CLEAR = [n for n in scenes.names() if n not in ("book2", "cornell-smoke")]  # shadow rays pass neither media nor holes
 
 
-@pytest.mark.parametrize("name", [*CLEAR, "normal maps and mixtures"])
+@pytest.mark.parametrize("name", [*CLEAR, "normal maps and mixtures", "a large tree"])
 def test_queues_and_fused_render_the_same(name: str) -> None:
     """The same stages on the same numbers; but the compiler may fuse other multiplications and additions in each."""
     core, settings, height = compiled(name)

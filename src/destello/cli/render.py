@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from destello.cli import options as o
+from destello.device import warm_up
 from destello.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def render(
     allow_external: o.AllowExternal = False,
 ) -> int:
     """Render a scene to a picture."""
+    warm_up(device)
     arguments = {
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,
