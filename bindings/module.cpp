@@ -15,12 +15,14 @@ NB_MODULE(_core, m) {
 
   destello::register_scene(m);
   destello::register_render(m);
+  destello::register_live(m);
 
   nb::module_ testing =
       m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");
   destello::register_testing_bsdf(testing);
   destello::register_testing_build(testing);
   destello::register_testing_light(testing);
+  destello::register_testing_media(testing);
   destello::register_testing_texture(testing);
   destello::register_testing_trace(testing);
 }

@@ -7,9 +7,11 @@ namespace destello {
 
 void register_scene(nanobind::module_& m);
 void register_render(nanobind::module_& m);
+void register_live(nanobind::module_& m);
 void register_testing_bsdf(nanobind::module_& m);
 void register_testing_build(nanobind::module_& m);
 void register_testing_light(nanobind::module_& m);
+void register_testing_media(nanobind::module_& m);
 void register_testing_texture(nanobind::module_& m);
 void register_testing_trace(nanobind::module_& m);
 

@@ -1,4 +1,4 @@
-// Vectorised BSDFs, phase functions and media for pytest: `_core.testing.bsdf_*` and others.
+// Vectorised BSDFs for pytest: `_core.testing.bsdf_*` and others.
 //
 // A material is named by its type and a dict of parameter values; those not given take their defaults. Directions are
 // (N, 3) float32 in the local frame; an array of one row goes with any number of rows.
@@ -6,42 +6,24 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
 
-#include <algorithm>
-#include <initializer_list>
 #include <stdexcept>
 #include <string>
 
 #include "bindings/testing_support.h"
 #include "bsdf/materials.h"
 #include "bsdf/spectrum.h"
-#include "medium/homogeneous.h"
 
 namespace nb = nanobind;
 
 namespace destello {
 namespace {
 
+using testing::common_rows;
 using testing::from_params;
 using testing::Numbers;
 using testing::Output;
+using testing::row;
 using testing::Rows;
-
-// The common length of arrays of 3 columns; 1 stands for any.
-size_t common_rows(std::initializer_list<Rows> arrays) {
-  size_t n = 1;
-  for (const Rows& a : arrays) {
-    if (a.shape(1) != 3) throw std::invalid_argument("arrays are (N, 3)");
-    n = std::max(n, a.shape(0));
-  }
-  for (const Rows& a : arrays) {
-    if (a.shape(0) != n && a.shape(0) != 1) throw std::invalid_argument("arrays differ in length");
-  }
-  return n;
-}
-Vec3 row(const Rows& a, size_t i) {
-  const size_t k = a.shape(0) == 1 ? 0 : i;
-  return {a(k, 0), a(k, 1), a(k, 2)};
-}
 
 template <class T>
 T make_bsdf(const nb::dict& values, const BsdfContext& context) {
@@ -156,44 +138,6 @@ void register_bsdfs(nb::module_& m) {
   m.attr("STRAIGHT") = static_cast<uint32_t>(kStraight);
 }
 
-void register_media(nb::module_& m) {
-  m.def(
-      "phase_pdf",
-      [](float g, Rows wo, Rows wi) {
-        Output<float> out(common_rows({wo, wi}));
-        for (size_t i = 0; i < out.rows; ++i) out.data[i] = PhaseFunction{g}.pdf(row(wo, i), row(wi, i));
-        return out.array();
-      },
-      nb::arg("g"), nb::arg("wo"), nb::arg("wi"));
-  m.def(
-      "phase_sample",
-      [](float g, Rows wo, Rows u) {
-        Output<float> out(common_rows({wo, u}), 3);
-        for (size_t i = 0; i < out.rows; ++i) {
-          const Vec3 r = row(u, i);
-          out.set(i, PhaseFunction{g}.sample(row(wo, i), {r.x, r.y}));
-        }
-        return out.array();
-      },
-      nb::arg("g"), nb::arg("wo"), nb::arg("u"), "Directions from the first two of (N, 3) uniform numbers.");
-  nb::class_<Medium>(m, "Medium")
-      .def(
-          "__init__",
-          [](Medium* self, float density, float absorption) {
-            new (self) Medium{density, Vec3(1), Vec3(absorption), {}};
-          },
-          nb::arg("density"), nb::arg("absorption"))
-      .def("sample_distance",
-           [](const Medium& self, Numbers u) {
-             Output<float> out(u.shape(0));
-             for (size_t i = 0; i < out.rows; ++i) out.data[i] = self.sample_distance(u(i));
-             return out.array();
-           })
-      .def("free_flight", &Medium::free_flight)
-      .def("absorbed", [](const Medium& self, float d) { return self.absorbed(d).x; })
-      .def("transmittance", [](const Medium& self, float d) { return self.transmittance(d).x; });
-}
-
 void register_optics(nb::module_& m) {
   m.def(
       "wavelength_weight",
@@ -220,7 +164,6 @@ void register_optics(nb::module_& m) {
 
 void register_testing_bsdf(nb::module_& m) {
   register_bsdfs(m);
-  register_media(m);
   register_optics(m);
 }
 

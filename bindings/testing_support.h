@@ -5,6 +5,7 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <stdexcept>
 #include <string>
 
@@ -43,6 +44,24 @@ inline void need_columns(const Rows& a, size_t columns) {
 // Row i as a vector; the array has 2 or 3 columns (see need_columns).
 inline Vec2 row2(const Rows& a, size_t i) { return {a(i, 0), a(i, 1)}; }
 inline Vec3 row3(const Rows& a, size_t i) { return {a(i, 0), a(i, 1), a(i, 2)}; }
+
+// The common length of arrays of 3 columns; 1 stands for any.
+inline size_t common_rows(std::initializer_list<Rows> arrays) {
+  size_t n = 1;
+  for (const Rows& a : arrays) {
+    if (a.shape(1) != 3) throw std::invalid_argument("arrays are (N, 3)");
+    n = std::max(n, a.shape(0));
+  }
+  for (const Rows& a : arrays) {
+    if (a.shape(0) != n && a.shape(0) != 1) throw std::invalid_argument("arrays differ in length");
+  }
+  return n;
+}
+// Row i, or the only one.
+inline Vec3 row(const Rows& a, size_t i) {
+  const size_t k = a.shape(0) == 1 ? 0 : i;
+  return {a(k, 0), a(k, 1), a(k, 2)};
+}
 
 // A (3, 4) matrix.
 inline Transform to_transform(const Rows& a) {

@@ -58,13 +58,8 @@ WORDS = [b"nan", b"-1", b"99999999999", b"1e999", b"0", b"/", b"//", b"-", b"\\\
 Case = tuple[str, bytes, dict[str, bytes]]  # file name, content, files beside it
 
 
-def rich_gltf(folder: Path) -> Gltf:
-    """A file that uses all that the reader knows."""
-    g = Gltf()
-    positions, uv, indices = sphere(4, 6)
-    for name in ("KHR_materials_ior", "KHR_texture_transform", "KHR_mesh_quantization"):
-        g.extend(name, required=True)
-    g.extend("KHR_lights_punctual", lights=[{"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}])
+def rich_materials(g: Gltf, folder: Path) -> None:
+    """Four materials, and two variants."""
     texture = g.texture(encode_image(corner_image(), ".png", folder), wrapS=33071, magFilter=9728)
     info = {
         "index": texture,
@@ -79,8 +74,23 @@ def rich_gltf(folder: Path) -> Gltf:
         extensions={"KHR_materials_ior": {"ior": 1.4}, "KHR_materials_transmission": {"transmissionFactor": 0.5}},
     )
     g.add("materials", extensions={"KHR_materials_unlit": {}}, alphaMode="BLEND")
+    old = {"glossinessFactor": 0.5, "specularGlossinessTexture": info, "diffuseTexture": {"index": 0}}
+    g.add("materials", extensions={"KHR_materials_pbrSpecularGlossiness": old})
+    g.extend("KHR_materials_variants", variants=[{"name": "one"}, {"name": "two"}])
+
+
+def rich_gltf(folder: Path) -> Gltf:
+    """A file that uses all that the reader knows."""
+    g = Gltf()
+    positions, uv, indices = sphere(4, 6)
+    for name in ("KHR_materials_ior", "KHR_texture_transform", "KHR_mesh_quantization"):
+        g.extend(name, required=True)
+    g.extend("KHR_lights_punctual", lights=[{"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}])
+    rich_materials(g, folder)
     attributes = {"POSITION": g.accessor(positions), "NORMAL": g.accessor(positions), "TEXCOORD_0": g.accessor(uv)}
-    ball = g.mesh(attributes, g.accessor(indices.astype(np.uint16)), material=0, name="ball")
+    variants = {"KHR_materials_variants": {"mappings": [{"material": 2, "variants": [1]}]}}
+    triangles = g.accessor(indices.astype(np.uint16))
+    ball = g.mesh(attributes, triangles, material=0, name="ball", extensions=variants)
     sparse = {
         "count": 1,
         "indices": {"bufferView": g.view(b"\2\0"), "componentType": 5123},
@@ -191,6 +201,8 @@ def obj_case(rng: np.random.Generator, folder: Path) -> Case:
     mtl = (
         b"newmtl one\nKd 0.5 0.6 0.7\nKs 0.2 0.2 0.2\nNs 50\nd 0.9\nmap_Kd -s 2 2 t.png\nnewmtl two\nillum 7\nNi 1.4\n"
     )
+    if rng.random() < 0.3:
+        mtl = b"# Blender 4.1 MTL File\n" + mtl + b"newmtl three\nKa 0.5 0.5 0.5\nillum 3\nmap_Bump -bm 2 t.png\n"
     data = "\n".join(lines).encode() + b"\n"
     files = {"scene.mtl": mtl, "t.png": encode_image(corner_image(), ".png", folder)}
     if rng.random() < 0.3:
@@ -263,7 +275,7 @@ def run(kind: str, seed: int, folder: Path) -> str:
         (folder / beside).write_bytes(content)
     start = time.process_time()
     try:
-        scene = load(folder / name)
+        scene = load(folder / name, variant="two" if kind == "gltf" and seed % 2 else None)
         scene.compile()
         if not scene.cameras:
             return "no camera"

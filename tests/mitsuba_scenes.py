@@ -34,10 +34,10 @@ class Picture:
     variance: Floats
 
 
-def render(scene: Description, *, spp: int, seed: int, max_depth: int) -> Picture:
+def render(scene: Description, *, spp: int, seed: int, max_depth: int, integrator: str = "path") -> Picture:
     """Renders a description that lacks only its integrator; channels are RGB, XYZ and the mean squares of XYZ."""
     mi = mitsuba()
-    path = {"type": "path", "max_depth": max_depth}
+    path = {"type": integrator, "max_depth": max_depth}
     loaded = mi.load_dict({"type": "scene", "integrator": {"type": "moment", "image": path}, **scene})
     channels = np.array(mi.render(loaded, spp=spp, seed=seed), np.float64)
     luminance, square = channels[..., 4], channels[..., 7]
@@ -133,6 +133,33 @@ def glass_and_metal() -> Description:
         "smooth": ball(0.9, 0.8, -0.6, 0.8, smooth),
         "rough": ball(0.8, 0.4, 1.1, 0.4, rough),
     }
+
+
+# --- media ------------------------------------------------------------------------------------------------------------
+
+
+def medium(extinction: ArrayLike, albedo: ArrayLike, g: float) -> Description:
+    sigma = np.asarray(extinction, float)
+    return {
+        "type": "homogeneous", "sigma_t": rgb(*(sigma / sigma.max())), "scale": float(sigma.max()),
+        "albedo": rgb(*np.asarray(albedo, float)), "phase": {"type": "hg", "g": g},
+    }  # fmt: skip
+
+
+def cloud_in_a_room(inside: Description) -> Description:
+    """A cube of a medium over a floor, under a lamp and a sky."""
+    t = mitsuba().ScalarTransform4f
+    glow = {"type": "area", "radiance": rgb(6, 5, 4)}
+    return {
+        "sensor": camera((0, 1.6, 4.5), (0, 0.8, 0), 36),
+        "sky": {"type": "constant", "radiance": rgb(0.2, 0.3, 0.5)},
+        "floor": rectangle((0, 0, 0), (4, 0, 0), (0, 0, -4), bsdf=diffuse(0.6, 0.5, 0.4)),
+        "lamp": rectangle((0.5, 3, 0.3), (0.6, 0, 0), (0, 0, 0.6), emitter=glow, bsdf=diffuse(0, 0, 0)),
+        "cube": {
+            "type": "cube", "to_world": t().translate([0, 0.9, 0]).rotate([0, 1, 0], 25).scale(0.7),
+            "bsdf": {"type": "null"}, "interior": inside,
+        },
+    }  # fmt: skip
 
 
 # --- a model under an HDR image ---------------------------------------------------------------------------------------

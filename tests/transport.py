@@ -72,6 +72,11 @@ def estimate(
     return Estimate(np.asarray(dl.color.luminance(rgb), np.float64), variance, rgb, image.film.nonfinite)
 
 
+def runs(scene: dl.Scene, device: str, *, count: int = 4, seed: int = 0, **options: Any) -> Floats:
+    """Linear RGB (count, H, W, 3) of pictures with different seeds: pixels and pictures are independent."""
+    return np.stack([estimate(scene, device, seed=seed + i, **options).rgb for i in range(count)])
+
+
 def assert_agree(a: Estimate, b: Estimate, *, comparisons: int = 1, slack: float = 1e-5) -> None:
     """Fail if two estimates of one picture differ by more than chance, in a pixel or in the whole."""
     assert a.nonfinite == b.nonfinite == 0

@@ -53,17 +53,16 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
   if (current == kNoIndex) return false;
   const Medium& medium = scene.interiors[current].medium;
   if (medium.is_vacuum()) return false;
-  const float distance = medium.sample_distance(path->sampler.get_1d(bounce_dimension(*path, kDimDistance)));
-  if (!(distance < t_hit)) {
-    path->throughput *= medium.absorbed(t_hit);
-    return false;
-  }
-  path->throughput *= medium.absorbed(distance) * medium.albedo;
+  const uint32_t dimension = bounce_dimension(*path, kDimDistance);
+  const Flight flight = medium.is_grey() ? medium.fly_grey(path->sampler.get_1d(dimension), t_hit)
+                                         : medium.fly(abs(path->throughput), path->sampler.get_2d(dimension), t_hit);
+  path->throughput *= flight.weight;
+  if (!flight.collides) return false;
   if (path->depth >= settings.max_depth) {
     path->alive = false;
     return true;
   }
-  const Vec3 p = path->ray.origin + path->ray.direction * distance, wo = -path->ray.direction;
+  const Vec3 p = path->ray.origin + path->ray.direction * flight.distance, wo = -path->ray.direction;
   if (settings.light_sampling != LightSampling::Bsdf) {
     const LightPick light = pick_light(scene, settings.light_sampling, p, path->ray.time,
                                        path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),

@@ -12,7 +12,7 @@ struct SurfaceParams {
   uint32_t emission_two_sided = 0;
   Vec3 normal_map;
   float normal_scale = 1;
-  float medium_density = 0;
+  Vec3 medium_density;
   Vec3 medium_albedo{1};
   Vec3 medium_absorption;
   float medium_anisotropy = 0;
@@ -34,7 +34,8 @@ struct SurfaceParams {
             "tangent-space normals as glTF stores them: 2 texel - 1, x along u, y along v")
           .range(0, 1),
       scalar("normal_scale", &SurfaceParams::normal_scale, 1, "strength of the normal map: scales x and y").constant(),
-      scalar("medium_density", &SurfaceParams::medium_density, 0, "scattering events per metre inside the object")
+      color("medium_density", &SurfaceParams::medium_density, Vec3(0.0f),
+            "scattering events per metre inside the object, per colour")
           .constant()
           .at_least(0)
           .unit("1/m"),

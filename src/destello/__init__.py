@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from destello.image import Image
     from destello.io import load
+    from destello.live import LiveScene
     from destello.nodes import Node
     from destello.render import render
     from destello.scene import Group, Scene
@@ -49,6 +50,7 @@ _WHERE = {
     "Animation": "animation",
     "Group": "scene",
     "Image": "image",
+    "LiveScene": "live",
     "Node": "nodes",
     "Scene": "scene",
     "Transform": "transform",
@@ -75,8 +77,8 @@ _WHERE = {
 
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
-    "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "keyframes", "load",
-    "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
+    "RenderError", "SceneError", "Animation", "Group", "Image", "LiveScene", "Node", "Scene", "Transform", "keyframes",
+    "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
     "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
 ]  # fmt: skip
 

@@ -3,11 +3,14 @@
 The renderer works in linear Rec.709 RGB (the sRGB primaries, white D65). A picture for a display goes through, in
 this order:
 
-1. exposure: multiplied by 2^EV;
-2. tone curve: brings radiance without upper bound into [0, 1] (`none` leaves it to the clamp);
-3. clamp to [0, 1];
-4. transfer curve: the display's code values (`srgb` unless asked otherwise);
-5. quantisation: round(value * (2^bits - 1)).
+1. white balance, if any: the light that is to look white becomes D65;
+2. exposure: multiplied by 2^EV;
+3. tone curve: brings radiance without upper bound into [0, 1] (`none` leaves it to the clamp);
+4. clamp to [0, 1];
+5. transfer curve: the display's code values (`srgb` unless asked otherwise);
+6. quantisation: round(value * (2^bits - 1)).
+
+A view of an OpenColorIO configuration takes the place of 3 to 5.
 
 Values that are not finite have no colour: NaN and -inf become 0, +inf becomes the largest float. `count_nonfinite`
 counts the pixels that have one.
@@ -15,15 +18,21 @@ counts the pixels that have one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from destello.color_spaces import WhiteBalance, srgb_decode, srgb_encode
 from destello.errors import InputError, did_you_mean
+from destello.ocio import View
+from destello.tones import TONES
+
+if TYPE_CHECKING:
+    from destello.settings import RenderSettings
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -46,23 +55,6 @@ def count_nonfinite(values: npt.ArrayLike) -> int:
 
 
 # Transfer curves ----------------------------------------------------------------------------------
-
-
-def srgb_encode(linear: npt.ArrayLike) -> FloatArray:
-    """The sRGB curve of IEC 61966-2-1: linear [0, 1] to code value [0, 1]."""
-    x = np.asarray(linear, dtype=np.float32)
-    low = x <= np.float32(0.0031308)
-    power = np.power(np.where(low, np.float32(1), x), np.float32(1 / 2.4))
-    curved = np.float32(1.055) * power - np.float32(0.055)
-    return np.where(low, np.float32(12.92) * x, curved).astype(np.float32, copy=False)
-
-
-def srgb_decode(encoded: npt.ArrayLike) -> FloatArray:
-    """The inverse of `srgb_encode`: code value [0, 1] to linear [0, 1]."""
-    x = np.asarray(encoded, dtype=np.float32)
-    low = x <= np.float32(0.04045)
-    power = np.power((np.where(low, np.float32(1), x) + np.float32(0.055)) / np.float32(1.055), np.float32(2.4))
-    return np.where(low, x / np.float32(12.92), power).astype(np.float32, copy=False)
 
 
 def _gamma(exponent: float) -> tuple[Callable[[npt.ArrayLike], FloatArray], Callable[[npt.ArrayLike], FloatArray]]:
@@ -100,98 +92,6 @@ def decode(encoded: npt.ArrayLike, curve: str = "srgb") -> FloatArray:
     return _CURVES[check_curve(curve)][1](encoded)
 
 
-# Tone curves --------------------------------------------------------------------------------------
-
-
-def tone_neutral(rgb: npt.ArrayLike) -> FloatArray:
-    """Khronos PBR Neutral: linear RGB >= 0, (..., 3), to linear RGB in [0, 1].
-
-    Keeps the hue and saturation of base colours below 0.8, and rolls highlights off towards white. Reference: Khronos
-    Group, "Khronos PBR Neutral Tone Mapper: Specification" (2024).
-    """
-    start = np.float32(0.8 - 0.04)  # where compression begins
-    desaturation = np.float32(0.15)  # how fast highlights turn white
-    color = np.maximum(np.asarray(rgb, dtype=np.float32), np.float32(0))
-    least = color.min(axis=-1, keepdims=True)
-    fresnel = np.where(least < np.float32(0.08), least - np.float32(6.25) * least * least, np.float32(0.04))
-    color = color - fresnel
-    peak = color.max(axis=-1, keepdims=True)
-    room = np.float32(1) - start
-    above = np.maximum(peak, start)  # below the start the result is not used; this keeps its arithmetic tame
-    compressed = np.float32(1) - room * room / (above + room - start)
-    whiteness = np.float32(1) - np.float32(1) / (desaturation * (above - compressed) + np.float32(1))
-    scaled = color * (compressed / above)
-    rolled = scaled + (compressed - scaled) * whiteness
-    return np.where(peak < start, color, rolled).astype(np.float32, copy=False)
-
-
-# AgX encodes exposure between these many stops below and above middle grey (0.18), and turns it with this slope about
-# the point (middle grey, 0.5), ending in a toe and a shoulder of these powers.
-_AGX_STOPS = (-10.0, 6.5)
-_AGX_GREY = 0.18
-_AGX_SLOPE = 2.0
-_AGX_PIVOT_OUT = 0.5
-_AGX_POWERS = (3.0, 3.25)
-_AGX_INSET = 0.2  # how far the primaries move towards white before the curve
-_AGX_DISPLAY_GAMMA = 2.2  # the curve's output is meant for a display of this power
-
-
-def tone_agx(rgb: npt.ArrayLike) -> FloatArray:
-    """AgX: linear RGB >= 0, (..., 3), to linear RGB in [0, 1].
-
-    The filmic curve by Troy Sobotka: the primaries move towards white (so that saturated lights bleach as they get
-    brighter), the logarithm of each channel goes through a sigmoid, and the primaries move back. References:
-    T. Sobotka, "AgX" and "SB2383 configuration generation" (2022-2023: the inset of the primaries and the sigmoid);
-    B. Wrensch, "Minimal AgX implementation" (2023: the way back by the inverse matrix). The sigmoid itself is used,
-    not its usual polynomial fit (they differ by 0.003 root mean square), so it rises everywhere and greys stay grey.
-    """
-    inset, outset = _agx_matrices()
-    color: FloatArray = np.maximum(np.asarray(rgb, dtype=np.float32), np.float32(0)) @ inset.T
-    low, high = _AGX_STOPS
-    with np.errstate(divide="ignore"):
-        stops = np.log2(color) - np.float32(np.log2(_AGX_GREY))
-    position = (np.clip(stops, np.float32(low), np.float32(high)) - np.float32(low)) / np.float32(high - low)
-    display = _agx_sigmoid(position) @ outset.T
-    linear = np.power(np.clip(display, np.float32(0), np.float32(1)), np.float32(_AGX_DISPLAY_GAMMA))
-    return np.asarray(linear, dtype=np.float32)
-
-
-def _agx_sigmoid(x: FloatArray) -> FloatArray:
-    """From [0, 1] to [0, 1], rising, with the given slope at the pivot and a toe and a shoulder of their own powers."""
-    low, high = _AGX_STOPS
-    pivot = -low / (high - low)
-    out = np.empty_like(x)
-    for side, power in ((x < pivot, _AGX_POWERS[0]), (x >= pivot, _AGX_POWERS[1])):
-        toe = power == _AGX_POWERS[0]
-        run, rise = (pivot, _AGX_PIVOT_OUT) if toe else (1 - pivot, 1 - _AGX_PIVOT_OUT)
-        scale = ((_AGX_SLOPE * run) ** -power * ((_AGX_SLOPE * run / rise) ** power - 1)) ** (-1 / power)
-        sign = np.float32(-1 if toe else 1)
-        term = np.float32(_AGX_SLOPE / scale) * sign * (x[side] - np.float32(pivot))
-        bend = np.power(np.float32(1) + np.power(term, np.float32(power)), np.float32(1 / power))
-        out[side] = np.float32(_AGX_PIVOT_OUT) + sign * np.float32(scale) * term / bend
-    return out
-
-
-@lru_cache(maxsize=1)
-def _agx_matrices() -> tuple[FloatArray, FloatArray]:
-    """(inset, outset): Rec.709 RGB to primaries that lie farther out by 1 / (1 - inset), and back; rows sum to 1."""
-    white = np.array([0.3127, 0.3290])
-    primaries = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
-
-    def to_xyz(xy: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        columns = np.stack([xy[:, 0], xy[:, 1], 1 - xy.sum(axis=1)])
-        white_xyz = np.array([white[0], white[1], 1 - white.sum()]) / white[1]
-        return np.asarray(columns * np.linalg.solve(columns, white_xyz))
-
-    outer = white + (primaries - white) / (1 - _AGX_INSET)
-    inset = np.linalg.solve(to_xyz(outer), to_xyz(primaries))
-    return inset.astype(np.float32), np.linalg.inv(inset).astype(np.float32)
-
-
-_TONES: dict[str, Callable[[npt.ArrayLike], FloatArray]] = {"none": _identity, "agx": tone_agx, "neutral": tone_neutral}
-TONES = tuple(_TONES)
-
-
 # The whole way ------------------------------------------------------------------------------------
 
 
@@ -200,38 +100,73 @@ class Display:
     """How linear radiance is turned into code values.
 
     Attributes:
-        exposure: in stops (EV): the picture is multiplied by 2^exposure; finite.
-        tone: `none`, `agx` or `neutral` (Khronos PBR Neutral).
+        exposure: in stops (EV): the picture is multiplied by 2^exposure; finite. `exposure_of_camera` computes it.
+        tone: `none`, `agx`, `neutral` (Khronos PBR Neutral), `filmic`, `aces2`, or `raw`: the numbers as they are.
         curve: `srgb`, `gamma2`, `gamma2.2` or `linear`.
+        white_balance: the light that is to look white, or None: D65 does.
+        view: a view of an OpenColorIO configuration in place of tone and transfer curve, or None.
 
-    Raises InputError for a value that is none of these.
+    Raises InputError for a value that is none of these, and for a tone or curve beside a view.
     """
 
     exposure: float = 0.0
     tone: str = "none"
     curve: str = "srgb"
+    white_balance: WhiteBalance | None = None
+    view: View | None = None
 
     def __post_init__(self) -> None:
         check_exposure(self.exposure)
         if self.tone not in TONES:
             raise InputError("unknown tone curve", value=self.tone, expected=did_you_mean(self.tone, TONES))
         check_curve(self.curve)
+        if self.view is not None and (self.tone, self.curve) != ("none", "srgb"):
+            problem = "an OpenColorIO view has its own tone and transfer curve"
+            raise InputError(problem, value=(self.tone, self.curve), expected="the view, or tone and curve")
 
-    def changed(self, exposure: float | None = None, tone: str | None = None, curve: str | None = None) -> Display:
-        """The same with what is not None put in its place."""
-        return Display(
-            self.exposure if exposure is None else exposure,
-            self.tone if tone is None else tone,
-            self.curve if curve is None else curve,
-        )
+    @classmethod
+    def of(cls, settings: RenderSettings) -> Display:
+        """The look that a scene asks for: see `destello.python_types.RENDER`. Raises InputError."""
+        exposure = settings.exposure
+        given = {name: getattr(settings, name) for name in ("iso", "exposure_time", "f_number")}
+        camera = {name: value for name, value in given.items() if value is not None}
+        if camera:
+            missing = [name for name in ("exposure_time", "f_number") if name not in camera]
+            if missing:
+                raise InputError("half a camera's exposure", place="render", value=camera, expected=", ".join(missing))
+            exposure += exposure_of_camera(**camera)
+        balance = None
+        if settings.temperature is not None:
+            balance = WhiteBalance(settings.temperature, settings.tint)
+        elif "tint" in settings.given:
+            raise InputError("a tint without a temperature", place="render.tint", expected="render.temperature, too")
+        return cls(exposure, settings.tone, settings.curve, balance)
+
+    def changed(self, **options: Any) -> Display:
+        """The same with what is not None put in its place; a view takes tone and curve away, and they the view."""
+        given = {name: value for name, value in options.items() if value is not None}
+        if "view" in given:
+            given = {"tone": "none", "curve": "srgb", **given}
+        elif "tone" in given or "curve" in given:
+            given["view"] = None
+        return replace(self, **given)
+
+    @property
+    def transfer(self) -> str:
+        """The transfer curve that is used: `raw` has none."""
+        return "linear" if self.tone == "raw" else self.curve
 
     def code_values(self, linear: npt.ArrayLike) -> FloatArray:
         """Linear RGB (..., 3), any value, to code values in [0, 1] (float32), by the steps described above."""
         x = np.nan_to_num(np.asarray(linear, dtype=np.float32), nan=0.0, neginf=0.0)
         with np.errstate(over="ignore"):
+            if self.white_balance is not None:
+                x = np.minimum(x, np.float32(1e30)) @ self.white_balance.matrix.T.astype(np.float32)
             x = x * np.float32(2.0**self.exposure) if self.exposure else x
-        x = _TONES[self.tone](np.minimum(x, np.float32(1e30)))
-        return encode(np.clip(x, np.float32(0), np.float32(1)), self.curve)
+        x = np.minimum(x, np.float32(1e30))
+        if self.view is not None:
+            return self.view.code_values(x)
+        return encode(np.clip(TONES[self.tone](x), np.float32(0), np.float32(1)), self.transfer)
 
     def quantise(self, linear: npt.ArrayLike, bits: int = 8) -> npt.NDArray[Any]:
         """Linear RGB (H, W, 3) to the display's integers: uint8 for 8 bits, uint16 for 16."""
@@ -258,3 +193,24 @@ def check_curve(curve: str) -> str:
     if curve not in _CURVES:
         raise InputError("unknown transfer curve", value=curve, expected=did_you_mean(curve, CURVES))
     return curve
+
+
+def exposure_of_camera(*, exposure_time: float, f_number: float, iso: float = 100.0) -> float:
+    """The exposure in stops with which a camera of these settings shows radiances (taken for luminances in cd/m^2).
+
+    By the saturation-based speed of ISO 12232:2019: a luminance of 78 / (0.65 S) N^2 / t, that is 1.2 times 2^EV100,
+    is the brightest that the sensor holds, and becomes 1 (S. Lagarde, C. de Rousiers, "Moving Frostbite to Physically
+    Based Rendering", 2014, section 5.1: lens transmittance and vignetting of 0.65).
+
+    Args:
+        exposure_time: t, in seconds, more than 0.
+        f_number: N, more than 0.
+        iso: S, the sensor's speed, more than 0.
+
+    Raises InputError for anything else.
+    """
+    for name, value in (("exposure_time", exposure_time), ("f_number", f_number), ("iso", iso)):
+        if not 0 < value < math.inf:
+            raise InputError("out of range", place=name, value=value, expected="a number above 0")
+    ev100 = 2 * math.log2(f_number) - math.log2(exposure_time) - math.log2(iso / 100)
+    return -ev100 - math.log2(78 / 65)

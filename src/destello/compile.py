@@ -105,7 +105,7 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, op
     ensure_camera(scene, assets.mesh_scene)
     ensure_light(scene, assets.mesh_scene)
     builder = HashingBuilder(_core.SceneBuilder())
-    compiler = SceneCompiler(builder, assets)
+    compiler = SceneCompiler(builder, assets, scene.render.working_space)
     compiler.scene(scene)
     assets.files.finish()
     with core_errors(scene.name or "scene"):
@@ -117,9 +117,16 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, op
         height=scene.film.height,
         filter=filter_settings(scene.film.filter),
         stats=dict(core.stats()),
-        notes=[*scene.notes, *assets.notes, *compiler.notes()],
+        notes=[*scene.notes, *assets.notes, *compiler.notes(), *_working_space_notes(scene)],
         fingerprint=builder.fingerprint(),
     )
+
+
+def _working_space_notes(scene: Scene) -> list[str]:
+    """What the core knows in Rec.709 alone."""
+    space = scene.render.working_space
+    fixed = {node.type for node in scene.nodes() if node.type == "planet" or node.params.get("abbe")}
+    return [f"{name}: its own colours are Rec.709's, not {space}'s" for name in sorted(fixed) if space != "rec709"]
 
 
 def filter_settings(node: Node | None) -> dict[str, Any]:
@@ -156,10 +163,10 @@ class SphereBatch:
 class SceneCompiler:
     """Puts one scene, and those in its mesh files, into a core builder."""
 
-    def __init__(self, builder: Any, assets: Assets) -> None:
+    def __init__(self, builder: Any, assets: Assets, working_space: str = "rec709") -> None:
         self.cameras: dict[str, int] = {}
         self._builder = builder
-        self._images = ImageTable(builder)
+        self._images = ImageTable(builder, working_space)
         self._context = Context(MaterialCompiler(builder, assets, self._images), assets)
         self._inner: dict[int, Context] = {}  # by id of the mesh file's assets
         self._meshes: dict[tuple[int, ...], int] = {}
@@ -177,11 +184,7 @@ class SceneCompiler:
         for i, shape in enumerate(scene.shapes):
             self._shape(WORLD, shape, label(f"shapes[{i}]", shape), self._context)
         self._flush_spheres()
-        for i, light in enumerate(scene.lights):
-            place = label(f"lights[{i}]", light)
-            params = self._context.materials.params(light, place, skip=("transform",))
-            with core_errors(place):
-                self._builder.add_light(light.type, params, transform=rows(light["transform"]))
+        self._lights(scene)
         if scene.environment is not None:
             self._environment(scene.environment)
         for name, camera in scene.cameras.items():
@@ -198,6 +201,13 @@ class SceneCompiler:
         return [f"{total} triangle{'s' if total > 1 else ''} without area left out ({where})"]
 
     # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _lights(self, scene: Scene) -> None:
+        for i, light in enumerate(scene.lights):
+            place = label(f"lights[{i}]", light)
+            params = self._context.materials.params(light, place, skip=("transform",))
+            with core_errors(place):
+                self._builder.add_light(light.type, params, transform=rows(light["transform"]))
 
     def _environment(self, node: Node) -> None:
         params = self._context.materials.params(node, "environment", skip=("image", "transform"))
@@ -226,8 +236,7 @@ class SceneCompiler:
             return context.material
         return context.materials.material(shape["material"], f"{place}.material")
 
-    @staticmethod
-    def _placement(shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:
+    def _placement(self, shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:
         """The shape's transforms when the shutter opens and closes, in its group."""
         first, last = shape["transform"], shape["transform1"]
         outer, outer1 = context.outer, context.outer1
@@ -249,7 +258,7 @@ class SceneCompiler:
         """Meshes that share their arrays are one."""
         key = tuple(id(arrays[name]) for name in sorted(arrays))
         if key not in self._meshes:
-            mesh, dropped = self._builder.add_mesh(**check_mesh(arrays, place))
+            mesh, dropped = self._builder.add_mesh(**self._images.vertex_colors(check_mesh(arrays, place)))
             if dropped:
                 self._dropped[place] = dropped
             self._meshes[key] = mesh

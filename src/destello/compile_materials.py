@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
+from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.errors import RenderError, SceneError
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_NUMBERS = frozenset({"normal_map", "eta", "k", "subsurface_radius_scale"})  # by channel, in the guise of colours
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
@@ -35,10 +37,15 @@ def core_errors(place: str) -> Iterator[None]:
 
 
 class ImageTable:
-    """The images of a whole compilation: each file and array once for each way of reading it."""
+    """The images of a whole compilation: each file and array once for each way of reading it.
 
-    def __init__(self, builder: Any) -> None:
+    `working`: the RGB space into which colours are brought, of `color_spaces.WORKING_SPACES`.
+    """
+
+    def __init__(self, builder: Any, working: str = "rec709") -> None:
+        self.working = working
         self._builder = builder
+        self._converted: dict[Hashable, tuple[NDArray[Any], bool]] = {}
         self._ids: dict[Hashable, int] = {}
         self._kept: list[Any] = []  # arrays whose id() is a key
 
@@ -53,6 +60,34 @@ class ImageTable:
                     texels, srgb=srgb, wrap_u=options[0], wrap_v=options[1], filter=options[2], uv_transform=options[3]
                 )
         return self._ids[full]
+
+    def decoded(self, texels: NDArray[Any], key: Hashable, space: str, color: bool) -> tuple[NDArray[Any], bool]:
+        """Texels of a colour space as the core reads them, and whether as sRGB. `color`: in the working space."""
+        if space == "auto":
+            space = "raw" if not color else "linear" if texels.dtype.kind == "f" else "srgb"
+        if space == "raw":
+            return texels, False
+        target = self.working if color else ENCODINGS[space][0]
+        full = (key, space, target)
+        if full not in self._converted:
+            self._kept.append(texels)
+            self._converted[full] = texels_in(texels, space, target)
+        return self._converted[full]
+
+    def color(self, rgb: tuple[float, ...]) -> tuple[float, ...]:
+        """Linear Rec.709 in the working space, nothing below 0 that was not before."""
+        if self.working == "rec709" or len(set(rgb)) == 1:
+            return rgb
+        low = min(0.0, *rgb)
+        return tuple(max(float(c), low) for c in converted(rgb, "rec709", self.working))
+
+    def vertex_colors(self, mesh: dict[str, Any]) -> dict[str, Any]:
+        """A mesh's arrays with its colours in the working space."""
+        if self.working == "rec709" or mesh.get("colors") is None:
+            return mesh
+        colors = mesh["colors"].copy()
+        colors[:, :3] = converted(colors[:, :3], "rec709", self.working)
+        return {**mesh, "colors": colors}
 
 
 def uv_transform(texture: Mapping[str, Any]) -> tuple[tuple[float, ...], ...]:
@@ -97,23 +132,39 @@ class MaterialCompiler:
                 self._materials[node] = self._builder.add_material(node.type, params)
         return self._materials[node]
 
-    def params(self, node: Node, place: str, skip: tuple[str, ...] = ()) -> dict[str, Any]:
-        """The parameters of any node in the core's form, those in `skip` left out."""
+    def params(self, node: Node, place: str, skip: tuple[str, ...] = (), *, colors: bool = True) -> dict[str, Any]:
+        """The parameters of any node in the core's form, those in `skip` left out. `colors`: they are looked at."""
         docs, made = node.doc.params, {}
         for name, value in node.params.items():
             if name not in skip:
                 plain = self._value(docs[name], value, f"{place}.{name}") if isinstance(value, Node) else value
                 if plain is not None:
                     made[name] = plain
+        if colors and self._images.working != "rec709":
+            self._bring_in(docs, made)
         return made
+
+    def _bring_in(self, docs: Mapping[str, ParamDoc], made: dict[str, Any]) -> None:
+        """Puts colours, defaults too, into the working space."""
+        for name, doc in docs.items():
+            if is_color(doc):
+                value = made.get(name, doc.default)
+                if isinstance(value, tuple):
+                    inside = self._images.color(value)
+                    if inside is not value:
+                        made[name] = inside
 
     def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""
-        if texture.type == "vertex_color":
-            return {"vertex_color": True, **_factor(doc, texture, place)}
         made: dict[str, Any] = {}
+        if texture.type in ("scaled", "vertex_color"):
+            made = _factor(doc, texture, place)
+            if is_color(doc):
+                made["scale"] = self._images.color(made["scale"])
+        if texture.type == "vertex_color":
+            return {"vertex_color": True, **made}
         if texture.type == "scaled":
-            made = {"vertex_color": texture["vertex_color"], **_factor(doc, texture, place)}
+            made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
         return None if number is None else {"texture": number, **made}
@@ -127,7 +178,7 @@ class MaterialCompiler:
                 image = self.image(node, color, where)
                 params: dict[str, Any] | None = None if image is None else {"image": image}
             else:
-                params = self.params(node, where)
+                params = self.params(node, where, colors=color)
             with core_errors(where):
                 self._textures[key] = None if params is None else self._builder.add_texture(node.type, params)
         return self._textures[key]
@@ -149,8 +200,7 @@ class MaterialCompiler:
                 options["filter"] = "nearest"
                 return self._images.add(missing_image(), "missing", True, options, place)
             source, texels = found
-        space = texture["color_space"]
-        srgb = texels.dtype.kind != "f" and color if space == "auto" else space == "srgb"
+        texels, srgb = self._images.decoded(texels, source, texture["color_space"], color)
         return self._images.add(texels, source, srgb, options, place)
 
     def environment_texels(self, texture: Node, place: str) -> NDArray[np.float32]:
@@ -162,7 +212,7 @@ class MaterialCompiler:
             if found is None:
                 self._note_missing(texture["path"], True)
             texels = missing_image() if found is None else found[1]
-        return linear_rgb(texels, texture["color_space"])
+        return linear_rgb(texels, texture["color_space"], self._images.working)
 
     def _note_missing(self, path: str, color: bool) -> None:
         stand_in = "a magenta checker" if color else "the parameter's default"
@@ -173,7 +223,7 @@ class MaterialCompiler:
 
 def is_color(doc: ParamDoc) -> bool:
     """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
-    return doc.kind == "color" and doc.name != "normal_map"
+    return doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS
 
 
 def _factor(doc: ParamDoc, texture: Node, place: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, cast
 
-from destello.errors import FormatError
+from destello.errors import FormatError, InputError
 
 if TYPE_CHECKING:
     from destello.scene import Scene
@@ -35,12 +35,14 @@ class LoadOptions:
     Attributes:
         allow_missing: a visible stand-in replaces missing image files; otherwise they are an error.
         allow_external: the scene may read files outside its own directory tree.
+        variant: name of one of the file's material variants (KHR_materials_variants); None: as the file shows itself.
         complete: a scene without a camera gets one that frames it, one without light a sky, both with a note.
     """
 
     allow_missing: bool = False
     allow_external: bool = False
     complete: bool = True
+    variant: str | None = None
 
 
 def reader(path: Path) -> ModuleType:
@@ -54,7 +56,9 @@ def reader(path: Path) -> ModuleType:
 
 
 def load_file(path: Path, options: LoadOptions) -> Scene:
-    """Reads any known format."""
+    """Reads any known format. Raises InputError for a variant in a format that has none."""
+    if options.variant is not None and READERS.get(path.suffix.lower(), "gltf") != "gltf":
+        raise InputError("only glTF has variants", file=path, value=options.variant, expected="a .gltf or .glb file")
     return cast("Scene", reader(path).load(path, options))
 
 

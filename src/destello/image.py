@@ -14,7 +14,9 @@ from destello.color import Display, FloatArray, count_nonfinite
 from destello.errors import InputError
 
 if TYPE_CHECKING:
+    from destello.color_spaces import WhiteBalance
     from destello.film import Film
+    from destello.ocio import View
 
 
 @dataclass(eq=False)
@@ -26,7 +28,7 @@ class Image:
         metadata: how it was made: `scene`, `spp`, `seed`, `device`, `version`, `time`, `seconds` and more.
         aovs: other layers by name: `albedo` and `normal` (height, width, 3), `depth` (height, width), float32.
         film: the exact sums it was made from, or None.
-        display: exposure, tone and transfer curve with which it is shown and saved unless `save` says otherwise.
+        display: exposure, tone, transfer curve and so on with which it is shown and saved unless `save` says otherwise.
     """
 
     array: FloatArray
@@ -70,12 +72,14 @@ class Image:
         exposure: float | None = None,
         tone: str | None = None,
         curve: str | None = None,
+        white_balance: WhiteBalance | None = None,
+        view: View | None = None,
     ) -> None:
         """Writes the picture, in a format chosen by the name's extension, aside and then renamed: never half.
 
-        PNG, JPEG, PPM and TIFF of 8 or 16 bits hold what a display shows: `exposure` (stops), `tone` (`none`, `agx`,
-        `neutral`), clamp, `curve` (`srgb`, `gamma2`, `gamma2.2`, `linear`). EXR (all AOVs as layers), HDR and TIFF of
-        32 bits hold linear radiance as it is.
+        PNG, JPEG, PPM and TIFF of 8 or 16 bits hold what a display shows: white balance, exposure, tone and transfer
+        curve as `destello.color.Display` has them. EXR (all AOVs as layers), HDR and TIFF of 32 bits hold linear
+        radiance as it is.
 
         Args:
             path: a name, or an open binary file (which needs `file_format`).
@@ -86,17 +90,20 @@ class Image:
             exposure: in stops; None: the picture's own (`display`).
             tone: tone curve; None: the picture's own.
             curve: transfer curve; None: the picture's own.
+            white_balance: `destello.color_spaces.WhiteBalance`; None: the picture's own.
+            view: `destello.ocio.View`, in place of tone and curve; None: the picture's own.
 
         Raises InputError for wrong options, OutputError when the file cannot be written (an older file stays whole).
         """
+        look = {"exposure": exposure, "tone": tone, "curve": curve, "white_balance": white_balance, "view": view}
         target = image_file.Target.of(
             path if isinstance(path, (str, Path)) else None,
             file_format=file_format,
             bits=bits,
             quality=quality,
             plain=plain,
-            display=self.display.changed(exposure, tone, curve),
-            asked=(exposure, tone, curve) != (None, None, None),
+            display=self.display.changed(**look),
+            asked=any(value is not None for value in look.values()),
         )
         if isinstance(path, (str, Path)):
             self.write(target)
@@ -108,10 +115,17 @@ class Image:
         target.write(self.array, self.metadata, self.aovs)
 
     def to_uint8(
-        self, *, exposure: float | None = None, tone: str | None = None, curve: str | None = None
+        self,
+        *,
+        exposure: float | None = None,
+        tone: str | None = None,
+        curve: str | None = None,
+        white_balance: WhiteBalance | None = None,
+        view: View | None = None,
     ) -> npt.NDArray[np.uint8]:
         """What a display shows: (height, width, 3) uint8. None: the picture's own `display`."""
-        return self.display.changed(exposure, tone, curve).quantise(self.array)
+        look = {"exposure": exposure, "tone": tone, "curve": curve, "white_balance": white_balance, "view": view}
+        return self.display.changed(**look).quantise(self.array)
 
     @classmethod
     def load(cls, path: str | Path, *, curve: str = "srgb") -> Image:

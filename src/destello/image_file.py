@@ -100,7 +100,7 @@ class Target:
             raise InputError(f"P3 is a form of PPM, and this is {kind.name}", file=name, expected="a .ppm file")
         display = Display() if display is None else display
         if asked and bits in kind.linear_bits and display != Display():
-            problem = f"exposure, tone and transfer curves do not apply: {kind.name} keeps linear radiance"
+            problem = f"exposure, white balance, tone and curves do not apply: {kind.name} keeps linear radiance"
             raise InputError(problem, file=name, expected="a format for displays: .png, .jpg, .ppm or .tif")
         return cls(None if path is None else Path(path), kind, bits, quality, plain, display)
 
@@ -237,10 +237,12 @@ def _describe(spec: Any, target: Target, metadata: Mapping[str, Any]) -> None:
     """Gives the file its colour space, compression and metadata (`destello:NAME` attributes, text chunks in a PNG)."""
     if target.linear:
         spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
-    elif target.display.curve == "srgb":
+    elif target.display.view is not None:
+        pass  # the view decides; its name is no colour space that a file could have
+    elif target.display.transfer == "srgb":
         spec.attribute("oiio:ColorSpace", "sRGB")
-    elif target.display.curve in ("gamma2", "gamma2.2"):
-        spec.attribute("oiio:Gamma", float(target.display.curve.removeprefix("gamma")))
+    elif target.display.transfer in ("gamma2", "gamma2.2"):
+        spec.attribute("oiio:Gamma", float(target.display.transfer.removeprefix("gamma")))
     if target.format.name == "jpeg":
         spec.attribute("compression", f"jpeg:{target.quality}")
         spec.attribute("jpeg:subsampling", "4:4:4")

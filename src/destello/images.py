@@ -96,9 +96,9 @@ def _check_size(path: Path, spec: Any, kind: str, channels: int) -> None:
         )
 
 
-def linear_rgb(texels: NDArray[Any], color_space: str) -> NDArray[np.float32]:
-    """Texels as linear red, green, blue: (height, width, 3) float32, at least 0. See `textures.image`."""
-    from destello.color import srgb_decode
+def linear_rgb(texels: NDArray[Any], color_space: str, working: str = "rec709") -> NDArray[np.float32]:
+    """Texels as linear RGB of the working space: (height, width, 3) float32, at least 0. See `textures.image`."""
+    from destello.color_spaces import ENCODINGS, converted
 
     values = texels.astype(np.float32)
     if texels.dtype.kind == "u":
@@ -106,8 +106,11 @@ def linear_rgb(texels: NDArray[Any], color_space: str) -> NDArray[np.float32]:
     if values.shape[2] < 3:
         values = np.repeat(values[:, :, :1], 3, axis=2)
     values = values[:, :, :3]
-    if color_space == "srgb" or (color_space == "auto" and texels.dtype.kind == "u"):
-        values = srgb_decode(values).astype(np.float32)
+    if color_space == "auto":
+        color_space = "srgb" if texels.dtype.kind == "u" else "linear"
+    if color_space != "raw":
+        primaries, decode = ENCODINGS[color_space]
+        values = converted(decode(values), primaries, working)
     return np.ascontiguousarray(np.maximum(values, np.float32(0)))
 
 

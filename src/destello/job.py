@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from destello import device as devices
+from destello.color import Display
 from destello.compile import check_quality
 from destello.device import Device
 from destello.errors import InputError, SceneError, did_you_mean
@@ -61,6 +62,8 @@ class Job:
         aovs: layers wanted in the image; `features`: whether the film has to hold them.
         threads: of the CPU; 0: one a core. build: quality of the trees.
         time, target_error: when to stop early, or None.
+        display: the scene's look.
+        working_space: the RGB space of the film's sums.
     """
 
     width: int
@@ -77,6 +80,8 @@ class Job:
     build: str
     time: float | None
     target_error: float | None
+    display: Display
+    working_space: str
 
     @property
     def pixels(self) -> int:
@@ -98,6 +103,7 @@ class Job:
             "crop": list(self.crop) if self.cropped else None,
             "camera": self.camera,
             "aovs": self.features,
+            "working_space": self.working_space,
             **self.settings,
         }
 
@@ -105,7 +111,7 @@ class Job:
 def plan(scene: Scene, request: Request) -> Job:
     """Checks a request against a scene. Raises InputError (SceneError, DeviceError, ImageTooLarge)."""
     width, height = _size(scene, request.size)
-    settings = _settings(scene, request)
+    settings = core_settings(scene, request)
     span, open_ended = _span(scene, request)
     aovs = _aovs(request.aov)
     features = bool(aovs) or request.denoise
@@ -118,6 +124,7 @@ def plan(scene: Scene, request: Request) -> Job:
         from destello.denoise import check_available
 
         check_available()
+    display = Display.of(scene.render)
     device = devices.choose(request.device)
     devices.check_fits(width, height, aovs=features)
     return Job(
@@ -135,6 +142,8 @@ def plan(scene: Scene, request: Request) -> Job:
         build=check_quality(request.build),
         time=time,
         target_error=target_error,
+        display=display,
+        working_space=scene.render.working_space,
     )
 
 
@@ -146,7 +155,8 @@ def _size(scene: Scene, size: tuple[int, int] | None) -> tuple[int, int]:
     return film.width, film.height
 
 
-def _settings(scene: Scene, request: Request) -> dict[str, Any]:
+def core_settings(scene: Scene, request: Request) -> dict[str, Any]:
+    """What the core's renderer is told besides camera and samples."""
     changes = {"seed": request.seed, "max_depth": request.max_depth}
     asked = RenderSettings(**{**scene.render.given, **{k: v for k, v in changes.items() if v is not None}})
     chosen = request.filter if request.filter is not None else scene.film.filter

@@ -110,6 +110,10 @@ _SHAPES = (
 )
 
 _CHANNELS = ("r", "g", "b", "a", "mean")
+_COLOR_SPACES = (
+    *("auto", "srgb", "linear", "rec709", "rec2020", "linear_rec2020", "display_p3", "linear_p3"),
+    *("acescg", "aces2065-1", "raw"),
+)
 _TEXTURES = (
     _type(
         "texture",
@@ -119,10 +123,11 @@ _TEXTURES = (
         ParamDoc("pixels", "texels instead of a file, top row first", "texels"),
         ParamDoc(
             "color_space",
-            "what the numbers mean; auto: 8-bit and 16-bit ones are sRGB, floating-point ones linear",
+            "what the numbers mean; auto: 8-bit and 16-bit ones are sRGB, floating-point ones linear; raw: no colour, "
+            "nothing is done to them",
             "enum",
             default="auto",
-            choices=("auto", "srgb", "linear"),
+            choices=_COLOR_SPACES,
         ),
         ParamDoc(
             "wrap_u", "beyond the left and right edge", "enum", default="repeat", choices=("repeat", "clamp", "mirror")
@@ -233,16 +238,42 @@ RENDER = _type(
         min=0,
         max=1,
     ),
+    ParamDoc(
+        "working_space",
+        "the RGB space light is computed in; colours and images are brought into it, pixels are given in rec709 again",
+        "enum",
+        default="rec709",
+        choices=("rec709", "acescg"),
+    ),
     ParamDoc("clamp", "largest contribution of one sample; biased; 0: off", "scalar", "W/(sr m^2)", default=0.0, min=0),
     ParamDoc(
         "exposure", "the picture is multiplied by 2 to this power", "scalar", "stops", default=0.0, min=-64, max=64
     ),
+    ParamDoc("f_number", "with exposure_time: exposes as a camera of this f-number does", "scalar", min=0.01, max=1e4),
+    ParamDoc("exposure_time", "with f_number: the camera's exposure time", "scalar", "s", min=1e-9, max=1e9),
+    ParamDoc("iso", "with both: the sensor's speed, ISO 12232; 100 if not given", "scalar", min=1e-3, max=1e9),
+    ParamDoc(
+        "temperature",
+        "white balance: the temperature of the light that is to look white; D65 if not given",
+        "scalar",
+        "K",
+        min=1000,
+        max=15000,
+    ),
+    ParamDoc(
+        "tint",
+        "with a temperature: how much greener than a black body that light is, 3000 times Duv",
+        "scalar",
+        default=0.0,
+        min=-150,
+        max=150,
+    ),
     ParamDoc(
         "tone",
-        "tone curve: none clips, agx is filmic, neutral keeps colours",
+        "tone curve: none clips; agx, filmic, aces2 are filmic; neutral keeps colours; raw stores the numbers",
         "enum",
         default="none",
-        choices=("none", "agx", "neutral"),
+        choices=("none", "agx", "neutral", "filmic", "aces2", "raw"),
     ),
     ParamDoc(
         "curve",

@@ -15,7 +15,7 @@ import numpy as np
 
 from destello import device as devices
 from destello._version import __version__
-from destello.color import Display
+from destello.color_spaces import converted
 from destello.errors import InputError, OutputError, RenderError
 from destello.film import Film, show_spans, subtract_spans
 from destello.image import Image
@@ -60,6 +60,7 @@ def render(
     time: float | None = None,
     threads: int = 0,
     build: str = "balanced",
+    working_space: str | None = None,
     progress: Progress | bool | str | None = "auto",
     preview: str | Path | Target | None = None,
     resume: str | Path | None = None,
@@ -94,6 +95,8 @@ def render(
         build: quality of the trees: `fast` (built soonest: for previews and geometry that changes all the time),
             `balanced` or `high` (rays are fastest: for long renders). It does not change what rays hit. Where a CUDA
             device renders, it also builds the trees of large scenes.
+        working_space: the RGB space in which light is computed, `rec709` or `acescg`; None: the scene's. The picture
+            is Rec.709 in any case; the film's sums are not.
         progress: `auto`, True, False, or a function that is called with a `destello.progress.Status`.
         preview: an image file that is rewritten while the picture refines.
         resume: a film file (`.film`): if there is one, the render goes on from it, and it is kept up to date.
@@ -118,6 +121,9 @@ def render(
     outputs.check()
     devices.warm_up(device)
     scene = _open(scene, allow_missing=allow_missing, allow_external=allow_external)
+    if working_space is not None:
+        scene = scene.copy()
+        scene.render.working_space = working_space
     request = Request(
         spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth, samples=samples, crop=crop,
         filter=filter, aov=(aov,) if isinstance(aov, str) else tuple(aov), denoise=denoise, target_error=target_error,
@@ -274,9 +280,11 @@ class _Session:
     def _picture(self, film: Film) -> Image:
         """The pixels so far, cropped."""
         x0, y0, x1, y1 = self.job.crop
-        render_settings = self.scene.render
-        display = Display(render_settings.exposure, render_settings.tone, render_settings.curve)
-        return Image(np.ascontiguousarray(film.core.mean()[y0:y1, x0:x1]), film=film, display=display)
+        pixels = self._in_rec709(film.core.mean()[y0:y1, x0:x1])
+        return Image(np.ascontiguousarray(pixels), film=film, display=self.job.display)
+
+    def _in_rec709(self, colors: Any) -> Any:
+        return converted(colors, self.job.working_space, "rec709")
 
     def _finish(self, film: Film, loop: Loop) -> Image:
         interrupted = loop.stopped_by == "interrupt"
@@ -287,6 +295,8 @@ class _Session:
         image.metadata = self._metadata(film, loop, path, image.nonfinite_pixels)
         x0, y0, x1, y1 = self.job.crop
         layers = {name: film.core.aov(name)[y0:y1, x0:x1] for name in self._layers()}
+        if "albedo" in layers:
+            layers["albedo"] = self._in_rec709(layers["albedo"])
         if self.denoise and not interrupted:
             image.aovs = layers
             began = clock.monotonic()
@@ -324,6 +334,7 @@ class _Session:
             "crop": f"{x0}:{x1},{y0}:{y1}" if job.cropped else None,
             "full_size": f"{job.width}x{job.height}" if job.cropped else None,
             "camera": job.camera,
+            "working_space": job.working_space,
             "seed": job.settings["seed"],
             "max_depth": job.settings["max_depth"],
             "light_sampling": job.settings["light_sampling"],

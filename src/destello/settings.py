@@ -86,6 +86,12 @@ class RenderSettings(Settings):
         fps: float
         shutter: tuple[float, float]
         clamp: float
+        working_space: str
         exposure: float
+        f_number: float | None
+        exposure_time: float | None
+        iso: float | None
+        temperature: float | None
+        tint: float
         tone: str
         curve: str

@@ -45,7 +45,7 @@ def opaque() -> dl.Scene:
 def everything() -> dl.Scene:
     """The same with what shadow rays pass through: media, and holes in an instance."""
     s = opaque()
-    fog = dl.materials.interface(medium_density=1.5, medium_albedo=(0.9, 0.8, 0.6), medium_anisotropy=0.4)
+    fog = dl.materials.interface(medium_density=(0.8, 1.5, 2.5), medium_albedo=(0.9, 0.8, 0.6), medium_anisotropy=0.4)
     s.add(dl.shapes.sphere(center=(2.5, 1, 0), radius=1, material=fog))
     holes = dl.materials.diffuse(opacity=0.5)
     box = s.group("box", [dl.shapes.box(min=(-0.5, 0, -0.5), max=(0.5, 1, 0.5), material=holes)])

@@ -42,26 +42,66 @@ def test_isotropic_phase_is_uniform() -> None:
     np.testing.assert_allclose(testing.phase_pdf(0.0, rows((0, 0, 1)), rows(d)), 1 / (4 * np.pi), rtol=1e-6)
 
 
+def medium(density: float | tuple[float, ...], absorption: float | tuple[float, ...] = 0.0, albedo: float = 1.0):
+    return testing.Medium(*(rows(np.broadcast_to(np.float32(v), 3)) for v in (density, absorption, albedo)))
+
+
 @pytest.mark.parametrize("density", [0.05, 1.0, 300.0])
 def test_distances_are_exponential(density: float) -> None:
-    medium = testing.Medium(density, 0.0)
+    grey = medium(density)
     u = np.random.default_rng(11).random(50_000).astype(np.float32).clip(0, 1 - 2**-24)
-    d = medium.sample_distance(u)
+    d = testing.Medium.sample_distance(density, u)
     assert scipy_stats.kstest(d, "expon", args=(0, 1 / density)).pvalue > sidak(3, ALPHA)
-    assert np.isfinite(medium.sample_distance(np.array([0, 1 - 2**-24], np.float32))).all()
+    assert np.isfinite(testing.Medium.sample_distance(density, np.array([0, 1 - 2**-24], np.float32))).all()
     for x in (0.1 / density, 2 / density):
-        assert_mean(d > x, medium.free_flight(x), comparisons=6)
+        assert_mean(d > x, grey.free_flight(x)[0], comparisons=6)
 
 
 def test_beer_lambert() -> None:
-    medium = testing.Medium(0.5, 2.0)
-    assert medium.absorbed(0.7) == pytest.approx(np.exp(-1.4), rel=1e-6)
-    assert medium.free_flight(0.7) == pytest.approx(np.exp(-0.35), rel=1e-6)
-    assert medium.transmittance(0.7) == pytest.approx(np.exp(-1.75), rel=1e-6)
-    assert medium.transmittance(0.3) * medium.transmittance(0.4) == pytest.approx(medium.transmittance(0.7), rel=1e-6)
+    m = medium((0.5, 1.0, 0.0), (2.0, 0.0, 3.0))
+    assert m.absorbed(0.7) == pytest.approx(np.exp([-1.4, 0, -2.1]), rel=1e-6)
+    assert m.free_flight(0.7) == pytest.approx(np.exp([-0.35, -0.7, 0]), rel=1e-6)
+    assert m.transmittance(0.7) == pytest.approx(np.exp([-1.75, -0.7, -2.1]), rel=1e-6)
+    parts = np.multiply(m.transmittance(0.3), m.transmittance(0.4))
+    assert parts == pytest.approx(np.asarray(m.transmittance(0.7)), rel=1e-6)
 
 
 def test_vacuum() -> None:
-    vacuum = testing.Medium(0.0, 0.0)
-    assert np.isposinf(vacuum.sample_distance(np.array([0.3], np.float32))).all()
-    assert vacuum.transmittance(float("inf")) == 1
+    vacuum = medium(0.0)
+    assert np.isposinf(testing.Medium.sample_distance(0.0, np.array([0.3], np.float32))).all()
+    assert vacuum.transmittance(float("inf")) == (1, 1, 1)
+    distance, weight, collides = vacuum.fly(rows((1, 1, 1)), rows((0.3, 0.999, 0)), float("inf"))
+    assert np.isposinf(distance).all()
+    assert (weight == 1).all()
+    assert not collides.any()
+
+
+DENSITY, ABSORPTION, ALBEDO = np.array([0.4, 2.0, 9.0]), np.array([0.3, 0.0, 0.1]), 0.7
+CARRIED = [(1.0, 1.0, 1.0), (0.0, 0.2, 3.0), (5.0, 1e-4, 0.1)]
+
+
+@pytest.mark.parametrize("carried", CARRIED)
+def test_chromatic_flight(carried: tuple[float, ...]) -> None:
+    """Each colour gets what a medium of its own density alone would give, and all together never more than before."""
+    m, end = medium(tuple(DENSITY), tuple(ABSORPTION), ALBEDO), 0.8
+    u = np.random.default_rng(17).random((200_000, 3)).clip(0, 1 - 2**-24)
+    distance, weight, collides = m.fly(rows(carried), rows(u), end)
+    hit, held = collides > 0, np.array(carried) > 0
+    comparisons = 4 * len(CARRIED)
+    left = np.exp(-(DENSITY + ABSORPTION) * end)
+    assert_mean((weight * ~hit[:, None])[:, held], left[held], comparisons=comparisons, slack=1e-5)
+    scattered = ALBEDO * DENSITY / (DENSITY + ABSORPTION) * (1 - left)
+    assert_mean((weight * hit[:, None])[:, held], scattered[held], comparisons=comparisons, slack=1e-5)
+    near = hit & (distance < 0.2)
+    before = ALBEDO * DENSITY / (DENSITY + ABSORPTION) * (1 - np.exp(-(DENSITY + ABSORPTION) * 0.2))
+    assert_mean((weight * near[:, None])[:, held], before[held], comparisons=comparisons, slack=1e-5)
+    assert distance[~hit] == pytest.approx(end)
+    after = (weight * np.array(carried, np.float32)).sum(1)
+    assert after.max() <= np.sum(carried) * (1 + 1e-5)
+
+
+def test_grey_media_are_a_special_case_of_chromatic_ones() -> None:
+    m = medium(1.7, (0.3, 0.0, 0.1), 0.6)
+    u = rows(np.random.default_rng(19).random((1000, 3)).clip(0, 1 - 2**-24))
+    for one, other in zip(m.fly(rows((1, 2, 3)), u, 0.5), m.fly(rows((1, 2, 3)), u, 0.5, grey=True), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5)

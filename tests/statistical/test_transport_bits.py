@@ -25,7 +25,8 @@ def scene():
     glass = dl.materials.dielectric(abbe=30, medium_absorption=(0.1, 0.3, 0.2))
     s.add(dl.shapes.quad((-4, 0, 4), (8, 0, 0), (0, 0, -8), material=dl.materials.mix(first=matt, second=metal)))
     s.add(dl.shapes.sphere((-1.2, 0.6, 0), 0.6, material=glass, center1=(-1.2, 0.9, 0)))
-    s.add(dl.shapes.sphere((2.5, 1, -1), 0.9, material=dl.materials.interface(medium_density=1, medium_albedo=0.8)))
+    fog = dl.materials.interface(medium_density=(0.5, 1, 3), medium_albedo=0.8)
+    s.add(dl.shapes.sphere((2.5, 1, -1), 0.9, material=fog))
     s.group("box", [dl.shapes.box((-0.3, 0, -0.3), (0.3, 1, 0.3), material=metal)])
     for i in range(3):
         s.add(dl.shapes.instance("box", transform=dl.translate(i, 0, -i) @ dl.rotate("y", 30 * i)))

@@ -235,7 +235,7 @@ def test_unwritable_is_known_before(tmp_path, name, reason):
         ("a.png", {"file_format": "gif"}, "unknown image format: 'gif'"),
         ("a.exr", {"tone": "agx"}, "linear radiance"),
         ("a.hdr", {"exposure": 1}, "linear radiance"),
-        ("a.png", {"tone": "filmic"}, "unknown tone curve"),
+        ("a.png", {"tone": "film"}, "unknown tone curve"),
     ],
 )
 def test_wrong_options(tmp_path, picture, name, options, message):

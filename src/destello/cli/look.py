@@ -15,11 +15,13 @@ _LABELS = {"triangle_bytes": ""}
 AsJson = Annotated[bool, Option("--json", help="As JSON.")]
 
 
-def info(scene: o.SceneName, json_: AsJson = False, allow_external: o.AllowExternal = False) -> None:
+def info(
+    scene: o.SceneName, json_: AsJson = False, variant: o.Variant = None, allow_external: o.AllowExternal = False
+) -> None:
     """Show what is in a scene, what was not understood, and how much memory it needs."""
     from destello import io
 
-    found = io.load(scene, allow_missing=True, allow_external=allow_external).info()
+    found = io.load(scene, allow_missing=True, allow_external=allow_external, variant=variant).info()
     if json_:
         print(json.dumps(found, indent=2))
         return

@@ -98,12 +98,37 @@ Denoise = Annotated[
     bool, Option("--denoise", help=r"Remove the noise (needs the extra destello\[denoise]).", rich_help_panel=_HOW)
 ]
 
-Exposure = Annotated[float | None, Option(metavar="EV", help="Brighter by 2^EV.", rich_help_panel=_LOOK)]
-Tone = Annotated[str | None, Option(metavar="NAME", help="none, agx (filmic), neutral.", rich_help_panel=_LOOK)]
+Exposure = Annotated[
+    str | None,
+    Option(metavar="EV", help="Brighter by 2^EV, or as a camera: f/8,1/125s,iso100.", rich_help_panel=_LOOK),
+]
+Tone = Annotated[
+    str | None, Option(metavar="NAME", help="none, agx, neutral, filmic, aces2, raw.", rich_help_panel=_LOOK)
+]
 Curve = Annotated[str | None, Option(metavar="NAME", help="srgb, gamma2, gamma2.2, linear.", rich_help_panel=_LOOK)]
+WhiteBalance = Annotated[
+    str | None,
+    Option(metavar="K[,TINT]", help="The light that looks white: 3200, or 5500,10.", rich_help_panel=_LOOK),
+]
+OcioConfig = Annotated[
+    str | None,
+    Option(metavar="FILE", help="An OpenColorIO configuration, or ocio://default.", rich_help_panel=_LOOK),
+]
+OcioDisplay = Annotated[
+    str | None, Option(metavar="NAME", help="One of its displays; else its default.", rich_help_panel=_LOOK)
+]
+OcioView = Annotated[
+    str | None, Option(metavar="NAME", help="One of the display's views; else its default.", rich_help_panel=_LOOK)
+]
+WorkingSpace = Annotated[
+    str | None, Option(metavar="NAME", help="Light is computed in rec709 or acescg.", rich_help_panel=_HOW)
+]
 
 AllowMissing = Annotated[
     bool, Option("--allow-missing", help="A visible stand-in for missing images.", rich_help_panel=_IN)
+]
+Variant = Annotated[
+    str | None, Option(metavar="NAME", help="One of a glTF file's material variants.", rich_help_panel=_IN)
 ]
 AllowExternal = Annotated[
     bool, Option("--allow-external", help="The scene may use files outside its folder.", rich_help_panel=_IN)

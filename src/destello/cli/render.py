@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from destello.cli import options as o
+from destello.cli.grading import Look
 from destello.device import warm_up
 from destello.errors import InputError
 
@@ -42,9 +43,14 @@ def render(
     max_depth: o.MaxDepth = None,
     filter: o.Filter = None,  # noqa: A002
     denoise: o.Denoise = False,
+    working_space: o.WorkingSpace = None,
     exposure: o.Exposure = None,
+    white_balance: o.WhiteBalance = None,
     tone: o.Tone = None,
     curve: o.Curve = None,
+    ocio_config: o.OcioConfig = None,
+    ocio_display: o.OcioDisplay = None,
+    ocio_view: o.OcioView = None,
     file_format: o.FileFormat = None,
     bits: o.Bits = None,
     quality: o.Quality = 95,
@@ -54,6 +60,7 @@ def render(
     json_: o.Json = False,
     json_file: o.JsonFile = None,
     quiet: o.Quiet = False,
+    variant: o.Variant = None,
     allow_missing: o.AllowMissing = False,
     allow_external: o.AllowExternal = False,
 ) -> int:
@@ -63,12 +70,13 @@ def render(
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,
         "build": build, "seed": seed, "max_depth": max_depth, "filter": o.read_filter(filter), "denoise": denoise,
-        "aov": _layers(aov), "allow_missing": allow_missing, "allow_external": allow_external,
+        "working_space": working_space, "aov": _layers(aov), "allow_missing": allow_missing,
+        "allow_external": allow_external,
     }  # fmt: skip
-    look = _Look(exposure, tone, curve)
+    look = Look(exposure, white_balance, tone, curve, ocio_config, ocio_display, ocio_view).values()
     numbers = o.read_frames(frames)
     written = _Written(look, output or _default_name(scene, numbers), file_format, bits, quality, p3)
-    job = _Command(scene, arguments, written, preview, numbers, resume, json_, json_file, quiet)
+    job = _Command(scene, arguments, written, preview, numbers, resume, json_, json_file, quiet, variant)
     job.check()
     with _terminate_like_interrupt():
         return job.run()
@@ -98,23 +106,10 @@ def _terminate_like_interrupt() -> Iterator[None]:
 
 
 @dataclass
-class _Look:
-    """The look asked for on the command line; None: the scene's."""
-
-    exposure: float | None
-    tone: str | None
-    curve: str | None
-
-    @property
-    def asked(self) -> bool:
-        return (self.exposure, self.tone, self.curve) != (None, None, None)
-
-
-@dataclass
 class _Written:
     """The output as the command line describes it."""
 
-    look: _Look
+    look: dict[str, Any]  # options of `Display.changed`; what is not in it is the scene's
     name: str
     file_format: str | None
     bits: int | None
@@ -136,16 +131,13 @@ class _Written:
             quality=self.quality,
             plain=self.plain,
             display=self.display(scene),
-            asked=self.look.asked,
+            asked=bool(self.look),
         )
 
     def display(self, scene: Scene | None) -> Any:
         from destello.color import Display
 
-        own = Display()
-        if scene is not None:
-            own = Display(scene.render.exposure, scene.render.tone, scene.render.curve)
-        return own.changed(self.look.exposure, self.look.tone, self.look.curve)
+        return (Display() if scene is None else Display.of(scene.render)).changed(**self.look)
 
 
 @dataclass
@@ -161,6 +153,7 @@ class _Command:
     json: bool
     json_file: str | None
     quiet: bool
+    variant: str | None
 
     def check(self) -> None:
         """Everything that can be known to be wrong before the scene is read. Raises InputError or OutputError."""
@@ -200,7 +193,7 @@ class _Command:
         from destello import io
 
         flags = {name: self.arguments[name] for name in ("allow_missing", "allow_external")}
-        scene = io.load(self.scene, **flags)
+        scene = io.load(self.scene, variant=self.variant, **flags)
         figures: list[dict[str, Any]] = []
         try:
             code = self._render_frames(scene, figures) if self.frames else self._render(scene, figures)

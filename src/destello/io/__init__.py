@@ -16,23 +16,30 @@ if TYPE_CHECKING:
 __all__ = ["LoadOptions", "load"]
 
 
-def load(path: str | PathLike[str], *, allow_missing: bool = False, allow_external: bool = False) -> Scene:
+def load(
+    path: str | PathLike[str],
+    *,
+    allow_missing: bool = False,
+    allow_external: bool = False,
+    variant: str | None = None,
+) -> Scene:
     """Reads a scene file, or builds the built-in scene of that name if there is no such file.
 
     Args:
         path: a file (.yaml, .yml, .json, .gltf, .glb, .obj, .stl, .ply), or a name as `destello scenes` lists them.
         allow_missing: a visible stand-in replaces missing image files; otherwise they are an error.
         allow_external: the scene may read files outside its own directory tree.
+        variant: name of one of a glTF file's material variants; None: as the file shows itself.
 
     Returns:
         The scene. What had to be added or was not understood is in its `notes`.
 
     Raises:
         MissingFileError: with all files that are missing. FormatError: for unknown formats and damaged files.
-        SceneError: for wrong values.
+        SceneError: for wrong values. InputError: if there is no such variant.
     """
     path = Path(path)
-    options = LoadOptions(allow_missing=allow_missing, allow_external=allow_external)
+    options = LoadOptions(allow_missing=allow_missing, allow_external=allow_external, variant=variant)
     try:
         is_file = path.is_file()
         exists = is_file or path.exists()
@@ -40,6 +47,8 @@ def load(path: str | PathLike[str], *, allow_missing: bool = False, allow_extern
         is_file = exists = False
     if is_file:
         return _load_existing(path, options)
+    if variant is not None:
+        raise InputError("only glTF files have variants", file=path, value=variant, expected="a .gltf or .glb file")
     if exists:
         raise FormatError("not a file", file=path, expected="a scene file")
     return _build(path)

@@ -8,13 +8,14 @@ becomes `emissive` in the base colour. Luminances are taken for radiances: 1 cd/
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import destello.materials as make
-import destello.textures as textures
 from destello.errors import Error
+from destello.io import _gltf_glossiness as glossiness
 from destello.io._gltf_json import Document, Item
+from destello.io._gltf_slots import Value, slot
 from destello.io._gltf_textures import Textures, uv_set
+from destello.io._gltf_variants import Variants
 from destello.nodes import Node
 
 EXTENSIONS = frozenset(
@@ -26,6 +27,7 @@ EXTENSIONS = frozenset(
         "KHR_materials_dispersion",
         "KHR_materials_emissive_strength",
         "KHR_materials_unlit",
+        "KHR_materials_pbrSpecularGlossiness",
         "KHR_texture_transform",
         "EXT_texture_webp",
     }
@@ -38,20 +40,25 @@ _TEXTURED = (  # extension, member: where textures may stand; the first present 
     ("KHR_materials_transmission", "transmissionTexture"),
     ("KHR_materials_specular", "specularTexture"),
     ("KHR_materials_specular", "specularColorTexture"),
+    (glossiness.EXTENSION, "diffuseTexture"),
+    (glossiness.EXTENSION, "specularGlossinessTexture"),
 )
 _LEAST_ATTENUATION = 1e-6
-
-Value = Any  # a number, three numbers or a texture node
 
 
 class Materials:
     """Makes each material of a document once for meshes with vertex colours and once for those without."""
 
-    def __init__(self, document: Document, images: Textures, notes: list[str]) -> None:
+    def __init__(self, document: Document, images: Textures, variants: Variants, notes: list[str]) -> None:
         self.document = document
+        self._variants = variants
         self._images = images
         self._notes = notes
         self._made: dict[tuple[int, bool], Node] = {}
+
+    def of(self, primitive: Item) -> Item | None:
+        """The material of a primitive in the chosen variant; None: glTF's default."""
+        return self._variants.material(primitive)
 
     def node(self, item: Item | None, *, colored: bool) -> Node:
         """The material (None: glTF's default); `colored`: vertex colours multiply its base colour."""
@@ -81,10 +88,13 @@ class Materials:
 
     def _convert(self, item: Item, colored: bool) -> Node:
         name = item.text("name", "") or None
+        old = item.extension(glossiness.EXTENSION)
+        if old is not None and item.extension("KHR_materials_unlit") is None:
+            return self._old(item, old, colored, name)
         pbr = item.item("pbrMetallicRoughness") or Item({}, item.file, item.at("pbrMetallicRoughness"))
         red, green, blue, alpha = pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)
         base_texture = self._texture(pbr, "baseColorTexture", "srgb")
-        base = _slot((red, green, blue), base_texture, colored=colored)
+        base = slot((red, green, blue), base_texture, colored=colored)
         surface = self._opacity(item, alpha, base_texture, colored)
         if item.extension("KHR_materials_unlit") is not None:
             return make.emissive(radiance=base, two_sided=True, name=name, **surface)
@@ -92,8 +102,8 @@ class Materials:
         rough = self._texture(pbr, "metallicRoughnessTexture", "linear")
         params: dict[str, Value] = {
             "base_color": base,
-            "metallic": _slot(pbr.number("metallicFactor", 1.0, low=0, high=1), rough, channel="b"),
-            "roughness": _slot(pbr.number("roughnessFactor", 1.0, low=0, high=1), rough, channel="g"),
+            "metallic": slot(pbr.number("metallicFactor", 1.0, low=0, high=1), rough, channel="b"),
+            "roughness": slot(pbr.number("roughnessFactor", 1.0, low=0, high=1), rough, channel="g"),
             "ior": _ior(item),
             **self._specular(item),
         }
@@ -105,12 +115,19 @@ class Materials:
             params["transmission"] = transmission
         return make.metallic_roughness(name=name, **_without_defaults(params), **surface)
 
+    def _old(self, item: Item, old: Item, colored: bool, name: str | None) -> Node:
+        """KHR_materials_pbrSpecularGlossiness, which stands for the whole of pbrMetallicRoughness."""
+        alpha = old.numbers("diffuseFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)[3]
+        texture = self._texture(old, "diffuseTexture", "srgb")
+        surface = self._opacity(item, alpha, texture, colored) | self._emission(item) | self._normal_map(item)
+        return make.metallic_roughness(name=name, **glossiness.params(old, texture, self._images, colored), **surface)
+
     def _opacity(self, item: Item, alpha: float, texture: Node | None, colored: bool) -> dict[str, Value]:
         mode = item.choice("alphaMode", ("OPAQUE", "MASK", "BLEND"), "OPAQUE")
         cutoff = item.number("alphaCutoff", 0.5, low=0) if mode == "MASK" else 0.0
         if mode == "OPAQUE" or (mode == "MASK" and cutoff == 0):
             return {}
-        opacity = _slot(alpha, texture, channel="a", colored=colored)
+        opacity = slot(alpha, texture, channel="a", colored=colored)
         if isinstance(opacity, float):
             opacity = min(opacity, 1.0)
             if mode == "MASK":
@@ -127,7 +144,7 @@ class Materials:
         factor = tuple(f * strength for f in factor)
         if not any(factor):
             return {}
-        params: dict[str, Value] = {"emission": _slot(factor, self._texture(item, "emissiveTexture", "srgb"))}
+        params: dict[str, Value] = {"emission": slot(factor, self._texture(item, "emissiveTexture", "srgb"))}
         if item.flag("doubleSided"):
             params["emission_two_sided"] = True
         return params
@@ -147,8 +164,8 @@ class Materials:
         strength = extension.number("specularFactor", 1.0, low=0, high=1)
         color = extension.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0), low=0)
         return {
-            "specular": _slot(strength, self._texture(extension, "specularTexture", "linear"), channel="a"),
-            "specular_color": _slot(color, self._texture(extension, "specularColorTexture", "srgb")),
+            "specular": slot(strength, self._texture(extension, "specularTexture", "linear"), channel="a"),
+            "specular_color": slot(color, self._texture(extension, "specularColorTexture", "srgb")),
         }
 
     def _transmission(self, item: Item) -> Value:
@@ -158,7 +175,7 @@ class Materials:
         factor = extension.number("transmissionFactor", 0.0, low=0, high=1)
         if factor == 0.0:
             return 0.0
-        return _slot(factor, self._texture(extension, "transmissionTexture", "linear"), channel="r")
+        return slot(factor, self._texture(extension, "transmissionTexture", "linear"), channel="r")
 
     def _texture(self, item: Item, key: str, color_space: str) -> Node | None:
         info = item.item(key)
@@ -173,22 +190,6 @@ def _texture_infos(item: Item) -> list[Item]:
         if info is not None:
             found.append(info)
     return found
-
-
-def _slot(factor: Value, texture: Node | None, *, channel: str = "r", colored: bool = False) -> Value:
-    """What stands in a parameter's place: `factor` times a texture's channel times the vertex colours."""
-    if factor in (0.0, (0.0, 0.0, 0.0)):
-        return factor
-    settings: dict[str, Value] = {}
-    if factor not in (1.0, (1.0, 1.0, 1.0)):
-        settings["scale"] = factor
-    if channel != "r":
-        settings["channel"] = channel
-    if texture is None:
-        return textures.vertex_color(**settings) if colored else factor
-    if colored:
-        settings["vertex_color"] = True
-    return textures.scaled(texture, **settings) if settings else texture
 
 
 def _without_defaults(params: dict[str, Value]) -> dict[str, Value]:

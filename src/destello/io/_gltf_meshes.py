@@ -85,7 +85,7 @@ class Meshes:
         return shapes
 
     def _shape(self, primitive: _Primitive, name: str) -> Node:
-        material = self.document.refer(primitive.item, "material", "materials")
+        material = self._materials.of(primitive.item)
         try:
             node = self._materials.node(material, colored="colors" in primitive.data)
             return make.mesh(indices=primitive.triangles, material=node, name=name, **primitive.data)
@@ -174,7 +174,7 @@ class Meshes:
         data, attributes = primitive.data, primitive.attributes
         if "NORMAL" in attributes:
             data["normals"] = self._vectors(primitive, "NORMAL", ("VEC3",), finite=False)
-        wanted = self._materials.uv_set(self.document.refer(primitive.item, "material", "materials"))
+        wanted = self._materials.uv_set(self._materials.of(primitive.item))
         key = f"TEXCOORD_{wanted or 0}"
         if key in attributes:
             data["uvs"] = self._vectors(primitive, key, ("VEC2",)) * _FLIP + _ONE

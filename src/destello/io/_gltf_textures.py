@@ -7,10 +7,17 @@ glTF's v runs from the top of an image to its bottom, destello's from the bottom
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
 
 import destello.textures as make
 from destello.errors import Error
+from destello.images import read_texels, repaired
 from destello.io._gltf_accessors import Buffers, data_uri
 from destello.io._gltf_json import Document, Item
 from destello.io._images import decode
@@ -24,8 +31,11 @@ _LONGEST_PATH = 1000
 class Textures:
     """Makes image textures; each of a file's images is decoded once."""
 
-    def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
+    def __init__(self, document: Document, buffers: Buffers, notes: list[str], files: Mapping[str, Path]) -> None:
+        """`files`: where the images that are no part of the document are, by URI; missing ones are not in it."""
         self.document = document
+        self._files = files
+        self._remapped: dict[tuple[int, str, float, float], Node] = {}
         self._buffers = buffers
         self._notes = notes
         self._sources: dict[int, Node] = {}
@@ -47,6 +57,38 @@ class Textures:
             return source.replace(color_space=color_space, name=self._name(texture, image), **settings)
         except Error as error:
             raise error.within(info.place, file=info.file) from None
+
+    def remapped(self, info: Item, channel: str, scale: float, offset: float) -> Node | None:
+        """A grey texture of offset + scale * `channel` ("r", "g", "b" or "a") of a textureInfo's image, in [0, 1]."""
+        texture = self.document.refer(info, "index", "textures", required=True)
+        assert texture is not None
+        image = self._image_of(texture)
+        texels = None if image is None else self._texels(image)
+        if image is None or texels is None:
+            return None
+        key = (image.index, channel, scale, offset)
+        if key not in self._remapped:
+            values = texels.astype(np.float32)
+            if texels.dtype.kind == "u":
+                values /= np.float32(np.iinfo(texels.dtype).max)
+            values = np.clip(offset + scale * _channel(values, channel), 0, 1)
+            self._remapped[key] = make.image(np.rint(values * 65535).astype(np.uint16))
+        settings = {**self._sampler(texture), **_uv_transform(info)}
+        return self._remapped[key].replace(color_space="linear", name=self._name(texture, image), **settings)
+
+    def _texels(self, image: Item) -> NDArray[Any] | None:
+        """An image's texels; None if its file is missing."""
+        source = self._source(image)
+        if source["pixels"] is not None:
+            texels: NDArray[Any] = source["pixels"]
+            return texels
+        path = self._files.get(image.text("uri"))
+        if path is None:
+            return None
+        try:
+            return repaired(read_texels(path))[0]
+        except Error as error:
+            raise error.within(image.at("uri"), file=image.file) from None
 
     def _image_of(self, texture: Item) -> Item | None:
         webp = texture.extension("EXT_texture_webp")
@@ -90,6 +132,15 @@ class Textures:
 
     def _name(self, texture: Item, image: Item) -> str | None:
         return texture.text("name", "") or image.text("name", "") or None
+
+
+def _channel(texels: NDArray[np.float32], channel: str) -> NDArray[np.float32]:
+    """One channel of (H, W, 1 to 4) texels; grey has equal colours, and no alpha is an alpha of 1."""
+    count = texels.shape[2]
+    if channel == "a":
+        alpha: NDArray[np.float32] = texels[..., -1] if count in (2, 4) else np.ones_like(texels[..., 0])
+        return alpha
+    return texels[..., 0 if count < 3 else "rgb".index(channel)]
 
 
 def uv_set(info: Item) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import destello.materials as materials
 import destello.shapes as shapes
 import destello.textures as textures
-from destello.color import srgb_decode
+from destello.color_spaces import srgb_decode
 from destello.errors import Error, FormatError, MissingFileError
 from destello.io._arrays import repaired_normals
 from destello.io._defaults import LoadOptions, ensure_camera, ensure_light

@@ -5,6 +5,9 @@ Decisions where the format leaves room:
 - illum 4, 6, 7 and 9 are glass of index Ni, tinted by Tf; illum 3, 5 and 8 mirror Ks over the diffuse Kd.
 - Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
+- Files that Blender wrote (they say so in their first comment) are read as it means them: Ns is 1000 (1 - roughness)^2,
+  illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass, and map_Bump
+  is a normal map.
 - Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
 """
 
@@ -21,14 +24,15 @@ from destello.errors import Error, FormatError
 from destello.io._text import numbered_lines, printable
 from destello.nodes import Node
 
-_COLORS = ("kd", "ks", "ke", "tf")
+_COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "illum")
-_MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "norm")
-_UNSEEN = ("ka", "map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
+_MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "norm", "map_bump")
+_UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
 _WORDS = ("-clamp", "-blendu", "-blendv", "-imfchan", "-type", "-cc")
 _CHANNELS = {"r": "r", "g": "g", "b": "b", "m": "a", "l": "mean", "z": "mean"}
 _GLASS, _MIRROR, _MATTE = (4, 6, 7, 9), (3, 5, 8), (0, 1)
+_BLENDER_METAL, _BLENDER_CLEAR = (3, 6), (6, 9)
 
 Value = Any  # a number, three numbers or a texture node
 
@@ -45,7 +49,7 @@ class Map:
 
 @dataclass
 class Material:
-    """One newmtl block, keywords in lower case. `opacity`: d, or 1 - Tr."""
+    """One newmtl block, keywords in lower case. `opacity`: d, or 1 - Tr; `blender`: that program wrote it."""
 
     name: str
     line: int
@@ -53,6 +57,7 @@ class Material:
     numbers: dict[str, float] = field(default_factory=dict)
     maps: dict[str, Map] = field(default_factory=dict)
     opacity: float = 1.0
+    blender: bool = False
 
 
 def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter[str]]:
@@ -63,6 +68,8 @@ def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter
     parser = _Parser(file, folder)
     for number, line in numbered_lines(data):
         words = printable(line).split()
+        if words[:2] == ["#", "Blender"] and not parser.materials:
+            parser.blender = True
         if words and not words[0].startswith("#"):
             parser.statement(words[0].lower(), words[1:], printable(line), number)
     return parser.materials, parser.ignored
@@ -72,13 +79,15 @@ class _Parser:
     def __init__(self, file: Path, folder: str) -> None:
         self.file = file
         self.folder = folder
+        self.blender = False
         self.materials: list[Material] = []
         self.ignored: Counter[str] = Counter()
 
     def statement(self, keyword: str, words: list[str], line: str, number: int) -> None:
         """Takes in one line."""
         if keyword == "newmtl":
-            self.materials.append(Material(line.partition(line.split()[0])[2].strip(), number))
+            name = line.partition(line.split()[0])[2].strip()
+            self.materials.append(Material(name, number, blender=self.blender))
             return
         if not self.materials:
             raise FormatError(f"{keyword} before the first newmtl", file=self.file, line=number, expected="newmtl")
@@ -91,8 +100,8 @@ class _Parser:
             material.numbers[keyword] = value
             if keyword in ("d", "tr"):
                 material.opacity = min(max(value if keyword == "d" else 1.0 - value, 0.0), 1.0)
-        elif keyword in _MAPS:
-            material.maps[keyword] = self._map(words, line, number)
+        elif keyword in _MAPS and (keyword != "map_bump" or material.blender):
+            material.maps["norm" if keyword == "map_bump" else keyword] = self._map(words, line, number)
         elif keyword not in _UNSEEN:
             self.ignored[keyword[:20]] += 1
 
@@ -161,16 +170,21 @@ def _convert(material: Material) -> Node:
     numbers, maps, name = material.numbers, material.maps, material.name or None
     illum = int(numbers.get("illum", 2))
     base = _color(material, "kd", (0.6, 0.6, 0.6) if "map_kd" not in maps else (1.0, 1.0, 1.0), limit=1.0)
-    surface = _surface(material, glass=illum in _GLASS)
+    glass = illum in _GLASS and not (material.blender and illum in _BLENDER_CLEAR)
+    surface = _surface(material, glass=glass)
     ks = tuple(min(max(k, 0.0), 1.0) for k in material.colors.get("ks", (0.0, 0.0, 0.0)))
     if {"pr", "pm"} & numbers.keys() or {"map_pr", "map_pm"} & maps.keys():
         metallic = _number(material, "pm", 0.0)
-        roughness = _number(material, "pr", _phong_roughness(material))
+        roughness = _number(material, "pr", _roughness(material))
         return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
-    if illum in _GLASS:
+    if material.blender and illum in _BLENDER_METAL:
+        metallic = min(max(material.colors.get("ka", (1.0, 1.0, 1.0))[0], 0.0), 1.0)
+        roughness = _roughness(material)
+        return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
+    if glass:
         ior = numbers.get("ni", 1.5)
         tint = tuple(min(max(t, 0.0), 1.0) for t in material.colors.get("tf", (1.0, 1.0, 1.0)))
-        roughness = 0.0 if "ns" not in numbers else _smooth(_phong_roughness(material))
+        roughness = 0.0 if "ns" not in numbers else _smooth(_roughness(material))
         return make.dielectric(ior=ior if ior > 0 else 1.5, tint=tint, roughness=roughness, name=name, **surface)
     if illum in _MIRROR and any(ks):
         return _mirror(material, base, ks, surface, name)
@@ -180,7 +194,7 @@ def _convert(material: Material) -> Node:
     return make.metallic_roughness(
         base_color=base,
         metallic=0.0,
-        roughness=_phong_roughness(material),
+        roughness=_roughness(material),
         specular_color=strength,
         name=name,
         **surface,
@@ -191,7 +205,7 @@ def _mirror(
     material: Material, base: Value, ks: tuple[float, ...], surface: dict[str, Value], name: str | None
 ) -> Node:
     """Ks reflected as by a metal, the rest diffuse."""
-    shine = _smooth(_phong_roughness(material)) if "ns" in material.numbers else 0.0
+    shine = _smooth(_roughness(material)) if "ns" in material.numbers else 0.0
     textured = isinstance(base, Node)
     kd = max(material.colors.get("kd", (0.0, 0.0, 0.0)))
     if kd <= 0 and not textured:
@@ -205,7 +219,10 @@ def _mirror(
     return make.mix(first=make.diffuse(reflectance=base, **surface), second=mirror, amount=min(share, 1.0), name=name)
 
 
-def _phong_roughness(material: Material) -> float:
+def _roughness(material: Material) -> float:
+    """From Ns: Blender's own formula, else that of a Phong lobe as wide."""
+    if material.blender:
+        return float(1.0 - (min(max(material.numbers.get("ns", 250.0), 0.0), 1000.0) / 1000.0) ** 0.5)
     return float((2.0 / (max(material.numbers.get("ns", 10.0), 0.0) + 2.0)) ** 0.25)
 
 

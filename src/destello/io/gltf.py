@@ -21,9 +21,11 @@ from destello.io._gltf_materials import EXTENSIONS, Materials
 from destello.io._gltf_meshes import Meshes
 from destello.io._gltf_nodes import NODE_EXTENSIONS, Placer
 from destello.io._gltf_textures import Textures, relative_path
+from destello.io._gltf_variants import EXTENSION as VARIANTS
+from destello.io._gltf_variants import Variants
 from destello.scene import Scene
 
-_SUPPORTED = EXTENSIONS | NODE_EXTENSIONS | {"KHR_mesh_quantization"}
+_SUPPORTED = EXTENSIONS | NODE_EXTENSIONS | {"KHR_mesh_quantization", VARIANTS}
 _HARMLESS = frozenset({"KHR_xmp", "KHR_xmp_json_ld", "KHR_animation_pointer"})  # nothing that a picture shows
 
 
@@ -32,7 +34,7 @@ def load(path: Path, options: LoadOptions) -> Scene:
 
     Raises:
         FormatError: for anything that is wrong in the file, with its place: ``meshes[2].primitives[0].indices``.
-        MissingFileError: with all buffers and images that do not exist.
+        InputError: if there is no such variant. MissingFileError: with all buffers and images that do not exist.
     """
     root, binary = _gltf_container.read(path)
     document = Document(root)
@@ -49,7 +51,9 @@ def load(path: Path, options: LoadOptions) -> Scene:
     )
     found = _find_buffers(document, files)
     buffers = Buffers(document, binary, lambda item, uri: _read_buffer(found[uri], item))
-    materials = Materials(document, Textures(document, buffers, scene.notes), scene.notes)
+    textures = Textures(document, buffers, scene.notes, found)
+    variants = Variants(document, options.variant, scene.notes)
+    materials = Materials(document, textures, variants, scene.notes)
     motions = Motions(document, buffers)
     Placer(document, scene, Meshes(document, buffers, materials, scene.notes), buffers, motions).place()
     if motions.note:

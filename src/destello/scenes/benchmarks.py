@@ -81,7 +81,7 @@ def instances_100(detail: float = 1.0) -> Scene:
 
 @benchmark("instances-100-large", "A hundred instances ten times as large: they cover as much as ten thousand.")
 def instances_100_large(detail: float = 1.0) -> Scene:
-    """10 by 10 instances, ten times the size and ten times as far apart. With detail, the rock's triangles become fewer."""
+    """10 by 10 instances, ten times as large and as far apart. With detail, the rock's triangles become fewer."""
     return _instances("instances-100-large", 10, detail, size=10)
 
 

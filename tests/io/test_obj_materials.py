@@ -1,0 +1,55 @@
+"""MTL: what programs mean by their own files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from destello.formats import LoadOptions
+from destello.io import obj
+from destello.nodes import Node
+from scene_files import corner_image, encode_image
+
+BLENDER = "# Blender 4.1.1 MTL File: 'x.blend'\n# www.blender.org\n"
+
+
+def blender_material(folder: Path, lines: str, *, header: str = BLENDER) -> Node:
+    (folder / "scene.mtl").write_text(f"{header}\nnewmtl m\n{lines}")
+    (folder / "scene.obj").write_text("mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+    (shape,) = obj.load(folder / "scene.obj", LoadOptions(complete=False)).shapes
+    material = shape["material"]
+    assert isinstance(material, Node)
+    return material
+
+
+@pytest.mark.parametrize(("exponent", "roughness"), [(250, 0.5), (1000, 0), (0, 1), (640, 0.2)])
+def test_blender_roughness(exponent: float, roughness: float, tmp_path: Path) -> None:
+    node = blender_material(tmp_path, f"Ns {exponent}\nKd 0.8 0.1 0.2\nKs 0.5 0.5 0.5\nNi 1.45\nd 1\nillum 2\n")
+    assert (node.type, node["specular_color"]) == ("metallic_roughness", (1, 1, 1))
+    assert node["roughness"] == pytest.approx(roughness)
+
+
+def test_blender_metal_and_see_through(tmp_path: Path) -> None:
+    node = blender_material(tmp_path, "Ns 250\nKa 0.75 0.75 0.75\nKd 0.8 0.7 0.2\nKs 0.5 0.5 0.5\nillum 3\n")
+    assert (node["metallic"], node["roughness"], node["base_color"]) == (0.75, 0.5, (0.8, 0.7, 0.2))
+    node = blender_material(tmp_path, "Ns 250\nKa 1 1 1\nKd 0.8 0.7 0.2\nKs 0.5 0.5 0.5\nd 0.25\nillum 9\n")
+    assert (node.type, node["opacity"]) == ("metallic_roughness", 0.25)
+    node = blender_material(tmp_path, "Ka 1 1 1\nKd 0.8 0.7 0.2\nd 0.25\nillum 6\n")
+    assert (node["metallic"], node["opacity"]) == (1, 0.25)
+
+
+def test_blender_bump_is_a_normal_map_and_others_are_not(tmp_path: Path) -> None:
+    (tmp_path / "n.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
+    lines = "Ns 250\nKd 0.8 0.7 0.2\nillum 2\nmap_Bump -bm 0.5 n.png\n"
+    node = blender_material(tmp_path, lines)
+    assert (node["normal_map"]["path"], node["normal_map"]["color_space"], node["normal_scale"]) == (
+        "n.png",
+        "linear",
+        0.5,
+    )
+    assert blender_material(tmp_path, lines, header="# Maya").params.get("normal_map") is None
+
+
+def test_glass_of_other_programs_stays_glass(tmp_path: Path) -> None:
+    assert blender_material(tmp_path, "Ni 1.4\nd 0.5\nillum 9\n", header="# by hand").type == "dielectric"
