@@ -240,7 +240,9 @@ void register_editor(nb::module_& m) {
         nb::dict d;
         d["instances"] = a.instances.size(), d["nodes"] = a.nodes.size(), d["leaves"] = a.leaves.size();
         d["materials"] = a.materials.size(), d["slots"] = a.slots.size(), d["texture_bytes"] = a.texels.size();
-        d["lights"] = a.punctual.size() + a.area_lights.size() + e.scene().view().has_environment;
+        const SceneView& v = e.scene().view();
+        d["lights"] = a.punctual.size() + a.area_lights.size() + v.has_environment;
+        d["interiors"] = a.interiors.size(), d["clear_shadows"] = v.clear_shadows, d["simple"] = v.simple;
         return d;
       });
 }

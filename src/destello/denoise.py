@@ -14,9 +14,14 @@ from destello.errors import InputError, RenderError
 _HOW_TO_INSTALL = "pip install 'destello[denoise]'"
 
 
+def available() -> bool:
+    """Whether Open Image Denoise is installed."""
+    return importlib.util.find_spec("pyoidn") is not None
+
+
 def check_available() -> None:
     """Raises InputError, naming the command that installs it, where Open Image Denoise is not installed."""
-    if importlib.util.find_spec("pyoidn") is None:
+    if not available():
         raise InputError("the denoiser is not installed", expected=_HOW_TO_INSTALL)
 
 

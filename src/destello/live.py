@@ -288,7 +288,11 @@ class LiveScene:
         return self._turns.running is not None
 
     def stats(self) -> dict[str, int]:
-        """Sizes of the core's arrays: instances, nodes, leaves, materials, slots, texture_bytes, lights."""
+        """Sizes of the core's arrays: instances, nodes, leaves, materials, interiors, slots, texture_bytes, lights.
+
+        And whether it may take short cuts: `clear_shadows` (every surface blocks light for sure), `simple` (no media,
+        holes, mixes, maps of normals), 0 or 1.
+        """
         with self._turns.reading():
             return dict(self._editor.stats())
 

@@ -104,7 +104,7 @@ class LiveCompiler(SceneCompiler):
         changed = [
             (place, before, after, self.materials.known(before))
             for (place, before), (_, after) in zip(old.all_shapes(), new.all_shapes(), strict=True)
-            if "material" in after.doc.params and _material(before) != _material(after)
+            if before is not after and "material" in after.doc.params and _material(before) != _material(after)
         ]
         if not changed:
             return

@@ -21,6 +21,8 @@ _FAST_TONES = {"none": "none", "agx": "agx", "neutral": "neutral", "filmic": "fi
 class LiveFilm:
     """Samples of one picture; made by `LiveScene.film`, filled by `LiveScene.render`.
 
+    It belongs to one thread, but for `cancel`.
+
     Attributes:
         width, height: px.
         samples: whole passes' samples a pixel; 0 after it has started anew.

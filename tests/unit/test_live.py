@@ -21,6 +21,8 @@ def assert_as_compiled_anew(live: LiveScene, device: str, what: object) -> None:
     fresh = LiveScene(live.scene, device)
     assert np.array_equal(picture(live), picture(fresh)), what
     assert np.array_equal(live.ids(SIZE), fresh.ids(SIZE)), what
+    flags = ("interiors", "lights", "clear_shadows", "simple")
+    assert {name: live.stats()[name] for name in flags} == {name: fresh.stats()[name] for name in flags}, what
 
 
 # --- the same pictures ------------------------------------------------------------------------------------------------
@@ -160,6 +162,18 @@ def test_what_is_compiled_anew_says_why(device: str, monkeypatch: pytest.MonkeyP
     image = dl.textures.image(np.full((16, 16, 3), 0.5, np.float32))
     assert "given up" in live.set_material("ball", {"reflectance": image}).recompiled
     assert_as_compiled_anew(live, device, "compiled anew")
+
+
+def test_what_is_gone_slows_nothing_down(device: str) -> None:
+    scene = scenes.build("cornell")
+    live = LiveScene(scene, device)
+    assert live.stats()["simple"] == 1
+    for material in (dl.materials.interface(medium_density=1), dl.materials.diffuse(opacity=0.5)):
+        live.set_material("tall box", material)
+        assert live.stats()["simple"] == 0
+        live.update(scene)
+        assert live.stats()["simple"] == 1
+        assert live.stats()["interiors"] == 0
 
 
 def test_a_new_texture_goes_in_place(device: str) -> None:
