@@ -102,9 +102,9 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const Vec3 to_light = point.frame.to_local(light.wi);
   // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
-  const MaterialSample answer =
-      dispatch(typename Tracer::Materials{}, m.type,
-               AskMaterial<Numbers, Tracer::kTextured>{scene, m.first_slot, texture, point, *path, numbers, to_light, has_light});
+  const MaterialSample answer = dispatch(typename Tracer::Materials{}, m.type,
+                                         AskMaterial<Numbers, Tracer::kTextured>{scene, m.first_slot, texture, point,
+                                                                                 *path, numbers, to_light, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
