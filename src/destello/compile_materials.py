@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_NUMBERS = frozenset({"normal_map", "eta", "k", "subsurface_radius_scale"})  # by channel, in the guise of colours
+# Numbers by channel, in the guise of colours.
+_NUMBERS = frozenset({"normal_map", "eta", "k", "subsurface_radius_scale", "transmission_scatter"})
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
