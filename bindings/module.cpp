@@ -15,6 +15,7 @@ NB_MODULE(_core, m) {
 
   destello::register_scene(m);
   destello::register_render(m);
+  destello::register_live(m);
 
   nb::module_ testing =
       m.def_submodule("testing", "Vectorised access to the core for pytest; not part of the interface.");

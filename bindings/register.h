@@ -7,6 +7,7 @@ namespace destello {
 
 void register_scene(nanobind::module_& m);
 void register_render(nanobind::module_& m);
+void register_live(nanobind::module_& m);
 void register_testing_bsdf(nanobind::module_& m);
 void register_testing_build(nanobind::module_& m);
 void register_testing_light(nanobind::module_& m);

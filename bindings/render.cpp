@@ -14,6 +14,7 @@
 #include "base/raw_vector.h"
 #include "bindings/params.h"
 #include "bindings/register.h"
+#include "bindings/render_task.h"
 
 namespace destello {
 
@@ -174,18 +175,17 @@ T setting(const nb::dict& settings, const char* name, T fallback) {
   return settings.contains(name) ? nb::cast<T>(settings[name]) : fallback;
 }
 
-RenderSettings to_settings(const nb::dict& d, const Film& film, const AnyCamera& camera) {
+RenderSettings to_settings(const nb::dict& d, uint32_t width, uint32_t height, const AnyCamera& camera) {
   RenderSettings s;
   s.seed = setting(d, "seed", s.seed);
-  s.width = film.width;
-  s.height = film.height;
+  s.width = width;
+  s.height = height;
   s.max_depth = setting(d, "max_depth", s.max_depth);
   s.roulette_depth = setting(d, "rr_depth", s.roulette_depth);
   s.light_sampling = to_light_sampling(setting<std::string>(d, "light_sampling", "auto"));
   s.time0 = setting(d, "time0", s.time0);
   s.time1 = setting(d, "time1", s.time1);
   s.clamp = setting(d, "clamp", s.clamp);
-  s.aovs = !film.aovs.empty();
   nb::dict filter;
   std::string type = "gaussian";
   if (d.contains("filter")) {
@@ -198,7 +198,7 @@ RenderSettings to_settings(const nb::dict& d, const Film& film, const AnyCamera&
     }
   }
   s.filter = make_one_of(Filters{}, type, filter, [](auto& f) { f.prepare(); });
-  s.camera = camera.visit(PrepareCamera{film.width, film.height});
+  s.camera = camera.visit(PrepareCamera{width, height});
   if (s.max_depth < 1 || s.max_depth > 10000) throw std::invalid_argument("max_depth: expected 1 to 10000");
   if (!(s.time0 >= 0 && s.time0 <= s.time1 && s.time1 <= 1))
     throw std::invalid_argument("time0, time1: expected 0 <= time0 <= time1 <= 1");
@@ -213,30 +213,40 @@ struct CenterRay {
   }
 };
 
+}  // namespace
+
+RenderTask to_task(const Scene& scene, const nb::dict& settings, uint32_t width, uint32_t height,
+                   const AnyCamera& camera) {
+  RenderTask task;
+  task.settings = to_settings(settings, width, height, camera);
+  task.crop = {0, 0, width, height};
+  task.execution = to_execution(setting<std::string>(settings, "execution", "auto"));
+  const Vec2 center{0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)};
+  for (const uint32_t i : scene.interiors_at(task.settings.camera.visit(CenterRay{center}))) task.camera_inside.push(i);
+  return task;
+}
+
+std::unique_ptr<Backend> make_backend(const Scene& scene, const std::string& device, uint32_t threads) {
+  if (device == "cpu") return make_cpu_backend(scene, threads);
+#if defined(DST_HAS_CUDA)
+  if (device.rfind("cuda", 0) == 0) return make_cuda_backend(scene, device == "cuda" ? 0 : std::stoi(device.substr(5)));
+#endif
+  throw std::invalid_argument("device '" + device + "': unknown here");
+}
+
+namespace {
+
 class Renderer {
  public:
   Renderer(const nb::object& scene, const std::string& device, uint32_t threads)
-      : keep_(scene), scene_(nb::cast<const Scene&>(scene)) {
-    if (device == "cpu") {
-      backend_ = make_cpu_backend(scene_, threads);
-      return;
-    }
-#if defined(DST_HAS_CUDA)
-    if (device.rfind("cuda", 0) == 0) {
-      backend_ = make_cuda_backend(scene_, device == "cuda" ? 0 : std::stoi(device.substr(5)));
-      return;
-    }
-#endif
-    throw std::invalid_argument("device '" + device + "': unknown here");
-  }
+      : keep_(scene), scene_(nb::cast<const Scene&>(scene)), backend_(make_backend(scene_, device, threads)) {}
 
   nb::dict render(Film& film, uint32_t camera, uint32_t first, uint32_t last, const nb::dict& settings,
                   const nb::object& crop) {
     if (camera >= scene_.cameras().size()) throw std::invalid_argument("camera: index out of range");
     if (first > last) throw std::invalid_argument("samples: expected first <= last");
-    RenderTask task;
-    task.settings = to_settings(settings, film, scene_.cameras()[camera]);
-    task.crop = {0, 0, film.width, film.height};
+    RenderTask task = to_task(scene_, settings, film.width, film.height, scene_.cameras()[camera]);
+    task.settings.aovs = !film.aovs.empty();
     if (!crop.is_none())
       task.crop = {nb::cast<uint32_t>(crop[0]), nb::cast<uint32_t>(crop[1]), nb::cast<uint32_t>(crop[2]),
                    nb::cast<uint32_t>(crop[3])};
@@ -245,10 +255,6 @@ class Renderer {
       throw std::invalid_argument("crop: outside the film");
     task.first_sample = first;
     task.last_sample = last;
-    task.execution = to_execution(setting<std::string>(settings, "execution", "auto"));
-    const Vec2 center{0.5f * static_cast<float>(film.width), 0.5f * static_cast<float>(film.height)};
-    for (const uint32_t i : scene_.interiors_at(task.settings.camera.visit(CenterRay{center})))
-      task.camera_inside.push(i);
     const auto start = std::chrono::steady_clock::now();
     const RenderCounts n = run(task, film);
     nb::dict out;

@@ -7,6 +7,7 @@
 
 #include <cstring>
 
+#include "bindings/build_quality.h"
 #include "bindings/params.h"
 #include "bindings/register.h"
 #include "camera/filters.h"
@@ -32,13 +33,6 @@ std::vector<T> copy(const A& a) {
 template <class T, class A>
 std::vector<T> copy(const std::optional<A>& a) {
   return a ? copy<T>(*a) : std::vector<T>{};
-}
-
-BuildQuality to_quality(const std::string& name) {
-  if (name == "fast") return BuildQuality::Fast;
-  if (name == "balanced") return BuildQuality::Balanced;
-  if (name == "high") return BuildQuality::High;
-  throw std::invalid_argument("quality '" + name + "': expected fast, balanced or high");
 }
 
 std::unique_ptr<Scene> build_scene(SceneBuilder& builder, const std::string& quality, uint32_t threads,

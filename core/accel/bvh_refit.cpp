@@ -18,6 +18,28 @@ void refit_bvh(const std::vector<Bounds>& boxes, const std::vector<uint32_t>& or
   }
 }
 
+float relative_surface(const std::vector<Node8>& nodes, uint32_t root) {
+  double sum = 0, whole = 0;
+  for (uint32_t i = root; i < nodes.size(); ++i) {
+    const Node8& node = nodes[i];
+    Bounds all;
+    for (uint32_t s = 0; s < 8; ++s) {
+      if (!node.is_used(s)) continue;
+      const auto plane = [&](const uint8_t (&bytes)[3][8], int k) {
+        const float step = bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23);
+        return node.origin[k] + step * static_cast<float>(bytes[k][s]);
+      };
+      Bounds box;
+      box.grow(Vec3(plane(node.lo, 0), plane(node.lo, 1), plane(node.lo, 2)));
+      box.grow(Vec3(plane(node.hi, 0), plane(node.hi, 1), plane(node.hi, 2)));
+      all.grow(box);
+      sum += static_cast<double>(box.half_area());
+    }
+    if (i == root) whole = static_cast<double>(all.half_area());
+  }
+  return whole > 0 ? static_cast<float>(sum / whole) : 0.0f;
+}
+
 std::vector<uint32_t> level_ranges(const std::vector<Node8>& nodes, uint32_t root) {
   std::vector<uint32_t> begins{root};
   for (uint32_t begin = root, end = root + 1; begin < end;) {

@@ -13,6 +13,10 @@ namespace destello {
 void refit_bvh(const std::vector<Bounds>& boxes, const std::vector<uint32_t>& order, uint32_t first_leaf, uint32_t root,
                std::vector<Node8>* nodes);
 
+// How much its children's boxes take of the root's: their surfaces over its own, what a refit lets grow as things move past each
+// other. 0 for an empty tree.
+float relative_surface(const std::vector<Node8>& nodes, uint32_t root);
+
 // Where the levels of that tree begin, and its end. Throws std::invalid_argument if its nodes do not lie level by level.
 std::vector<uint32_t> level_ranges(const std::vector<Node8>& nodes, uint32_t root);
 

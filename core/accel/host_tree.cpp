@@ -129,4 +129,21 @@ void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrim
   });
 }
 
+void update_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+                      const std::vector<uint32_t>& blocks_of_node, uint32_t first, RawVector<HostUnit>* units,
+                      std::vector<HostTarget>* targets) {
+  const HostTreeBuilder builder{nodes, leaves, blocks_of_node, units, targets};
+  uint32_t unit = (*targets)[first].place();
+  targets->resize(nodes.size());
+  for (uint32_t i = first; i < nodes.size(); ++i) {
+    uint32_t size;
+    (*targets)[i] = builder.place(i, unit, &size);
+    unit += size;
+    if (unit >= HostTarget::kLimit) throw std::length_error("too many instances: their tree has too many parts");
+  }
+  units->resize(unit);
+  builder.fill(0);
+  for (uint32_t i = first; i < nodes.size(); ++i) builder.fill(i);
+}
+
 }  // namespace destello

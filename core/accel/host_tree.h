@@ -61,4 +61,10 @@ void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrim
                      const std::vector<uint32_t>& blocks_of_node, uint32_t threads, RawVector<HostUnit>* units,
                      std::vector<HostTarget>* targets);
 
+// Brings `units` and `targets` up to date after the tree that fills `nodes` from `first` to the end was built anew, or has new
+// boxes, and its root was copied to node 0. The nodes before it are as they were. All its leaves are instances.
+void update_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+                      const std::vector<uint32_t>& blocks_of_node, uint32_t first, RawVector<HostUnit>* units,
+                      std::vector<HostTarget>* targets);
+
 }  // namespace destello

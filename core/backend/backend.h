@@ -6,9 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "backend/live_film.h"
 #include "backend/render_task.h"
 #include "film/film.h"
-#include "scene/scene.h"
+#include "scene/scene_edit.h"
 
 namespace destello {
 
@@ -28,6 +29,15 @@ class Backend {
   // Adds the task's samples to the film (host memory). Returns early, with the film incomplete, once *cancel is true.
   // Throws std::runtime_error if the device fails, std::bad_alloc or OutOfDeviceMemory if memory does not suffice.
   virtual RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) = 0;
+
+  // As render, into a film that this backend has made; settings.aovs: features too, if the film has them.
+  virtual std::unique_ptr<LiveFilm> make_live_film(uint32_t width, uint32_t height, bool features) = 0;
+  virtual RenderCounts render_live(const RenderTask& task, LiveFilm* film, const std::atomic<bool>& cancel) = 0;
+  // The instance that the middle of each pixel of the settings' film shows at time0, row by row; kNoIndex: none. Holes count
+  // as surfaces.
+  virtual void first_hits(const RenderSettings& settings, uint32_t* instances) = 0;
+  // The scene has been edited; not while it renders.
+  virtual void update(const SceneChanges& changes) = 0;
 };
 
 // `threads` 0: as many as the process may use.

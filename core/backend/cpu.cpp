@@ -5,6 +5,7 @@
 
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
+#include "backend/first_hits.h"
 #include "base/parallel.h"
 
 namespace destello {
@@ -12,6 +13,49 @@ namespace destello {
 namespace {
 
 constexpr uint32_t kTile = 16;
+
+auto channels(const std::vector<double>& from, size_t pixel, uint32_t count) {
+  return [p = from.data() + pixel * count](uint32_t k) { return p[k]; };
+}
+
+// Sums in main memory.
+class HostLiveFilm final : public LiveFilm {
+ public:
+  HostLiveFilm(uint32_t w, uint32_t h, bool with_features, uint32_t threads)
+      : LiveFilm(w, h, with_features),
+        threads_(threads),
+        sums_(pixels() * kFilmChannels),
+        aovs_(with_features ? pixels() * kAovChannels : 0) {}
+
+  void clear() override {
+    std::fill(sums_.begin(), sums_.end(), 0.0);
+    std::fill(aovs_.begin(), aovs_.end(), 0.0);
+  }
+  void mean(float* rgb) override {
+    for_each_pixel([&](size_t i) { put(mean_radiance(channels(sums_, i, kFilmChannels)), rgb + 3 * i); });
+  }
+  void picture(const Display& display, uint8_t* rgb) override {
+    for_each_pixel([&](size_t i) { show(display, mean_radiance(channels(sums_, i, kFilmChannels)), rgb + 3 * i); });
+  }
+  void albedo(float* rgb) override { feature(kAovAlbedo, rgb); }
+  void normal(float* xyz) override { feature(kAovNormal, xyz); }
+  FilmView view() { return {sums_.data(), features ? aovs_.data() : nullptr, width, height}; }
+
+ private:
+  static void put(Vec3 v, float* to) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
+  void feature(uint32_t first, float* out) {
+    for_each_pixel([&](size_t i) { put(mean_feature(channels(aovs_, i, kAovChannels), first), out + 3 * i); });
+  }
+  template <class Body>
+  void for_each_pixel(const Body& body) const {
+    parallel_ranges(pixels(), 8192, threads_, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) body(i);
+    });
+  }
+
+  uint32_t threads_;
+  std::vector<double> sums_, aovs_;
+};
 
 class CpuBackend final : public Backend {
  public:
@@ -45,6 +89,25 @@ class CpuBackend final : public Backend {
     }
     return total;
   }
+
+  std::unique_ptr<LiveFilm> make_live_film(uint32_t width, uint32_t height, bool features) override {
+    return std::make_unique<HostLiveFilm>(width, height, features, threads_);
+  }
+  RenderCounts render_live(const RenderTask& task, LiveFilm* film, const std::atomic<bool>& cancel) override {
+    return render(task, static_cast<HostLiveFilm*>(film)->view(), cancel);
+  }
+  void first_hits(const RenderSettings& settings, uint32_t* instances) override {
+    parallel_for(settings.height, threads_, [&](uint32_t y) {
+      std::vector<Ray> rays;
+      std::vector<Hit> hits(settings.width);
+      for (uint32_t x = 0; x < settings.width; ++x)
+        rays.push_back(pixel_ray(settings.camera, film_position(x, y, {0, 0}), settings.time0));
+      cpu_kernels().trace_rays(&scene_.view().geometry, rays.data(), hits.data(), rays.size(), 2);
+      for (uint32_t x = 0; x < settings.width; ++x)
+        instances[static_cast<size_t>(y) * settings.width + x] = hits[x].found() ? hits[x].instance : kNoIndex;
+    });
+  }
+  void update(const SceneChanges&) override {}  // it reads the scene itself
 
  private:
   const Scene& scene_;

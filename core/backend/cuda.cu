@@ -13,6 +13,7 @@
 
 #include "backend/backend.h"
 #include "backend/cuda_fused.cuh"
+#include "backend/cuda_live.cuh"
 #include "backend/cuda_queues.cuh"
 #include "backend/device_scene.cuh"
 #include "base/parallel.h"
@@ -46,7 +47,7 @@ std::vector<uint8_t> shade_classes(const Scene& scene) {
 
 class CudaBackend final : public Backend {
  public:
-  CudaBackend(const Scene& scene, int device) : device_(device) {
+  CudaBackend(const Scene& scene, int device) : host_scene_(scene), device_(device) {
     check_cuda(cudaSetDevice(device), "choose the device");
     scene_ = std::make_unique<DeviceScene>(scene);
     shade_class_ = DeviceBuffer<uint8_t>(shade_classes(scene));
@@ -65,24 +66,40 @@ class CudaBackend final : public Backend {
     reserve(pixels, aovs);
     check_cuda(cudaMemset(sums_.data(), 0, pixels * kFilmChannels * sizeof(double)), "clear the film");
     if (aovs) check_cuda(cudaMemset(aovs_.data(), 0, pixels * kAovChannels * sizeof(double)), "clear the film");
-    KernelParams p{scene_->view(),
-                   task,
-                   {sums_.data(), aovs ? aovs_.data() : nullptr, film.width, pixels},
-                   counts_.data(),
-                   shade_class_.data(),
-                   0,
-                   0,
-                   0};
-    const Rect& c = task.crop;
-    p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
-    p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
-    const RenderCounts total = launch_all(&p, cancel);
+    const RenderCounts total =
+        render_into({sums_.data(), aovs ? aovs_.data() : nullptr, film.width, pixels}, task, cancel);
     download(sums_, film.sums, pixels, kFilmChannels);
     if (aovs) download(aovs_, film.aovs, pixels, kAovChannels);
     return total;
   }
 
+  std::unique_ptr<LiveFilm> make_live_film(uint32_t width, uint32_t height, bool features) override {
+    return std::make_unique<CudaLiveFilm>(device_, width, height, features);
+  }
+  RenderCounts render_live(const RenderTask& task, LiveFilm* film, const std::atomic<bool>& cancel) override {
+    check_cuda(cudaSetDevice(device_), "choose the device");
+    return render_into(static_cast<CudaLiveFilm*>(film)->film(task.settings.aovs != 0), task, cancel);
+  }
+  void first_hits(const RenderSettings& settings, uint32_t* instances) override {
+    check_cuda(cudaSetDevice(device_), "choose the device");
+    first_hits_cuda(scene_->view().geometry, settings, instances);
+  }
+  void update(const SceneChanges& changes) override {
+    check_cuda(cudaSetDevice(device_), "choose the device");
+    scene_->update(host_scene_, changes);
+    if (!changes.materials.empty() || !changes.objects.empty() || !changes.leaves.empty())
+      shade_class_ = DeviceBuffer<uint8_t>(shade_classes(host_scene_));
+  }
+
  private:
+  RenderCounts render_into(const DeviceFilm& film, const RenderTask& task, const std::atomic<bool>& cancel) const {
+    KernelParams p{scene_->view(), task, film, counts_.data(), shade_class_.data(), 0, 0, 0};
+    const Rect& c = task.crop;
+    p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
+    p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
+    return launch_all(&p, cancel);
+  }
+
   static constexpr size_t kPiece = 65536;  // pixels copied to the host at once
   static_assert(uint32_t{kAovChannels} <= uint32_t{kFilmChannels});
 
@@ -223,6 +240,7 @@ class CudaBackend final : public Backend {
     });
   }
 
+  const Scene& host_scene_;
   int device_;
   int multiprocessors_ = 1;
   uint32_t architecture_ = 0;  // that the kernels were compiled for, 10 * compute capability

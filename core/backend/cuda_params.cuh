@@ -1,8 +1,8 @@
 // What the render kernels are told, and what they share.
 #pragma once
 
+#include "backend/cuda_film.cuh"
 #include "backend/render_task.h"
-#include "film/film.h"
 #include "scene/scene_view.h"
 
 namespace destello {
@@ -11,17 +11,6 @@ inline constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels l
 
 struct KernelCounts {
   unsigned long long next_item, rays, samples, nonfinite;
-};
-
-// A film on the device: one plane of doubles per channel, so that neighbouring pixels' additions share memory sectors.
-struct DeviceFilm {
-  double* sums = nullptr;
-  double* aovs = nullptr;  // null: not asked for
-  uint32_t width = 0;
-  uint64_t pixels = 0;  // of the whole film: the planes' distance
-
-  __device__ double* sum(uint32_t channel, uint32_t pixel) const { return sums + channel * pixels + pixel; }
-  __device__ double* aov(uint32_t channel, uint32_t pixel) const { return aovs + channel * pixels + pixel; }
 };
 
 struct KernelParams {

@@ -4,19 +4,16 @@
 #include "accel/sphere_tree.h"
 #include "accel/traversal.h"
 #include "base/device_buffer.h"
-#include "scene/scene.h"
+#include "scene/scene_edit.h"
 
 namespace destello {
 
 // The scene's arrays on the device, and a view of them.
 class DeviceScene {
  public:
-  explicit DeviceScene(const Scene& scene) : view_(scene.view()), leaf_kind_(scene.leaf_kind()) {
+  explicit DeviceScene(const Scene& scene) : leaf_kind_(scene.leaf_kind()) {
+    load(scene, {});
     const SceneArrays& a = scene.arrays();
-    view_.geometry.nodes = keep(&nodes_, a.nodes);
-    view_.geometry.leaves = keep(&leaves_, a.leaves);
-    view_.geometry.instances = keep(&instances_, a.instances);
-    view_.geometry.moving = keep(&moving_, a.moving);
     if (leaf_kind_ == LeafKind::Spheres) {
       const SphereTreeArrays tree = build_sphere_tree(a.leaves);
       SphereTree& t = view_.geometry.sphere_tree;
@@ -25,36 +22,66 @@ class DeviceScene {
       t.motion = keep(&sphere_motion_, tree.motion);
       t.leaves = keep(&sphere_leaves_, tree.leaves);
     }
-    view_.triangles = keep(&triangles_, a.triangles);
-    view_.normals = keep(&normals_, a.normals);
-    view_.uvs = keep(&uvs_, a.uvs);
-    view_.colors = keep(&colors_, a.colors);
-    view_.objects.data = keep(&objects_, a.objects);
-    view_.materials.data = keep(&materials_, a.materials);
-    view_.interiors.data = keep(&interiors_, a.interiors);
-    view_.textures.textures.data = keep(&textures_, a.textures);
-    view_.textures.slots.data = keep(&slots_, a.slots);
-    view_.textures.images.data = keep(&images_, a.images);
-    view_.textures.texels = keep(&texels_, a.texels);
-    view_.textures.srgb_table = keep(&srgb_table_, a.srgb_table);
-    view_.punctual.data = keep(&punctual_, a.punctual);
-    view_.suns.data = keep(&suns_, a.suns);
-    view_.area_lights.data = keep(&area_lights_, a.area_lights);
-    view_.all_lights.pick.data = keep(&all_lights_, a.all_lights);
-    view_.auto_lights.pick.data = keep(&auto_lights_, a.auto_lights);
-    view_.light_data.image.texels.data = keep(&environment_texels_, a.environment.texels);
-    view_.light_data.image.marginal.data = keep(&environment_marginal_, a.environment.marginal);
-    view_.light_data.image.conditional.data = keep(&environment_conditional_, a.environment.conditional);
+  }
+  // After edits of the scene: copies what they have changed.
+  void update(const Scene& scene, const SceneChanges& changes) {
+    if (!changes.nodes.empty()) refresh(nodes_, scene.arrays().nodes, {0, 1});
+    load(scene, changes);
   }
   const SceneView& view() const { return view_; }
   // What the leaves are: the traversal that fits.
   LeafKind leaf_kind() const { return leaf_kind_; }
 
  private:
+  void load(const Scene& scene, const SceneChanges& c) {
+    const SceneArrays& a = scene.arrays();
+    view_ = scene.view();
+    view_.geometry.nodes = keep(&nodes_, a.nodes, c.nodes);
+    view_.geometry.leaves = keep(&leaves_, a.leaves, c.leaves);
+    view_.geometry.instances = keep(&instances_, a.instances, c.instances);
+    view_.geometry.moving = keep(&moving_, a.moving);
+    view_.triangles = keep(&triangles_, a.triangles);
+    view_.normals = keep(&normals_, a.normals);
+    view_.uvs = keep(&uvs_, a.uvs);
+    view_.colors = keep(&colors_, a.colors);
+    view_.objects.data = keep(&objects_, a.objects, c.objects);
+    view_.materials.data = keep(&materials_, a.materials, c.materials);
+    view_.interiors.data = keep(&interiors_, a.interiors, c.interiors);
+    view_.textures.textures.data = keep(&textures_, a.textures, c.textures);
+    view_.textures.slots.data = keep(&slots_, a.slots, c.slots);
+    view_.textures.images.data = keep(&images_, a.images, c.images);
+    view_.textures.texels = keep(&texels_, a.texels, c.texels);
+    view_.textures.srgb_table = keep(&srgb_table_, a.srgb_table);
+    view_.punctual.data = keep(&punctual_, a.punctual, c.punctual);
+    view_.suns.data = keep(&suns_, a.suns, c.suns);
+    view_.area_lights.data = keep(&area_lights_, a.area_lights, c.area_lights);
+    view_.all_lights.pick.data = keep(&all_lights_, a.all_lights, c.all_lights);
+    view_.auto_lights.pick.data = keep(&auto_lights_, a.auto_lights, c.auto_lights);
+    const EnvironmentTables& e = a.environment;
+    const auto whole = [&](const auto& table) { return ElementRange{0, c.environment_tables ? table.size() : 0}; };
+    view_.light_data.image.texels.data = keep(&environment_texels_, e.texels, whole(e.texels));
+    view_.light_data.image.marginal.data = keep(&environment_marginal_, e.marginal, whole(e.marginal));
+    view_.light_data.image.conditional.data = keep(&environment_conditional_, e.conditional, whole(e.conditional));
+  }
+
+  // Copies all values when there are more than ever before, with room for more the second time, else those of the range.
   template <class T>
-  static const T* keep(DeviceBuffer<T>* buffer, const std::vector<T>& values) {
-    *buffer = DeviceBuffer<T>(values);
+  static const T* keep(DeviceBuffer<T>* buffer, const std::vector<T>& values, ElementRange range = {}) {
+    if (values.size() > buffer->size()) {
+      const size_t spare = buffer->size() == 0 ? 0 : values.size() / 8 + 16;
+      *buffer = {};
+      *buffer = DeviceBuffer<T>(values.size() + spare);
+      range = {0, values.size()};
+    }
+    refresh(*buffer, values, range);
     return buffer->data();
+  }
+  template <class T>
+  static void refresh(const DeviceBuffer<T>& buffer, const std::vector<T>& values, ElementRange range) {
+    if (range.empty()) return;
+    check_cuda(cudaMemcpy(buffer.data() + range.first, values.data() + range.first,
+                          (range.last - range.first) * sizeof(T), cudaMemcpyHostToDevice),
+               "copy to the device");
   }
 
   SceneView view_;

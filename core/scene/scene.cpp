@@ -182,7 +182,8 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   }
   if (!(m.flags & (kHasOpacity | kIsInterface | kIsMix))) m.flags |= kOpaqueToShadows;
   scene_->arrays_.materials.push_back(m);
-  emissive_power_.push_back(power);
+  own_flags_.push_back(m.flags);
+  emission_.push_back({emission.value, power});
   return static_cast<uint32_t>(scene_->arrays_.materials.size()) - 1;
 }
 
@@ -258,6 +259,7 @@ void SceneBuilder::add_object(uint32_t group, ObjectRecord object, uint32_t prim
     g.emitters += primitives;
   }
   g.objects.push_back(static_cast<uint32_t>(scene_->arrays_.objects.size()));
+  g.object_primitives.push_back(primitives);
   scene_->arrays_.objects.push_back(object);
 }
 
@@ -342,10 +344,7 @@ void SceneBuilder::add_spheres(uint32_t group, const std::vector<Vec3>& centers,
   add_object(group, object, static_cast<uint32_t>(centers.size()));
 }
 
-void SceneBuilder::add_instance(uint32_t group, const Transform& transform,
-                                const std::optional<Transform>& transform_end) {
-  check_group(group);
-  if (group == 0) fail("the world cannot be placed in itself");
+Instance SceneBuilder::make_instance(const Transform& transform, const std::optional<Transform>& transform_end) {
   check_invertible(transform);
   if (transform_end) check_invertible(*transform_end);
   Instance it;
@@ -355,6 +354,14 @@ void SceneBuilder::add_instance(uint32_t group, const Transform& transform,
   it.moving = transform_end.has_value();
   it.flipped = transform.determinant() < 0;
   it.similar = is_similarity(transform) && same_linear_part(it.to_world, it.to_world_end);
+  return it;
+}
+
+void SceneBuilder::add_instance(uint32_t group, const Transform& transform,
+                                const std::optional<Transform>& transform_end) {
+  check_group(group);
+  if (group == 0) fail("the world cannot be placed in itself");
+  const Instance it = make_instance(transform, transform_end);
   scene_->arrays_.instances.push_back(it);
   placed_.push_back({group, it.moving != 0});
 }

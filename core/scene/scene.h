@@ -25,7 +25,7 @@ struct SceneStats {
   BvhStats world;            // the world's own tree
 };
 
-// Arrays of the finished scene. Not changed after SceneBuilder::build.
+// Arrays of the finished scene. After SceneBuilder::build nobody but a SceneEditor (scene_edit.h) changes them.
 struct SceneArrays {
   std::vector<Node8> nodes;
   std::vector<LeafPrimitive> leaves;
@@ -75,6 +75,7 @@ class Scene {
 
  private:
   friend class SceneBuilder;
+  friend class SceneEditor;
   SceneArrays arrays_;
   SceneView view_;
   SceneStats stats_;
@@ -116,7 +117,7 @@ class SceneBuilder {
   // Builds the trees and the light tables. The builder is of no use afterwards.
   std::unique_ptr<Scene> build(const BuildOptions& options = {});
 
- private:
+ protected:  // what a SceneEditor goes on with
   struct Mesh {
     MeshData data;
     uint32_t first_triangle = 0;
@@ -126,7 +127,8 @@ class SceneBuilder {
     std::vector<Bounds> boxes;
     std::vector<LeafPrimitive> primitives;
     std::vector<uint32_t> objects;
-    uint32_t emitters = 0;  // emitting primitives
+    std::vector<uint32_t> object_primitives;  // how many each of them has
+    uint32_t emitters = 0;                    // emitting primitives
     uint32_t root = kNoIndex;
     Bounds bounds;
   };
@@ -134,6 +136,17 @@ class SceneBuilder {
     uint32_t group;
     bool moving;
   };
+  // How an emitter was given.
+  struct Emission {
+    Vec3 color;       // its slot's value, before a power was turned into radiance
+    float power = 0;  // W; 0: by radiance
+  };
+
+  static Instance make_instance(const Transform& transform, const std::optional<Transform>& transform_end);
+  // Of a placed group, over the shutter.
+  static Bounds instance_bounds(const Instance& instance, const Bounds& group);
+  // All of build but handing the scene over.
+  void finish(const BuildOptions& options);
 
   void check_material(uint32_t material) const;
   void check_group(uint32_t group) const;
@@ -157,7 +170,9 @@ class SceneBuilder {
   std::vector<Mesh> meshes_;
   std::vector<Group> groups_;
   std::vector<PlacedInstance> placed_;
-  std::vector<float> emissive_power_;  // per material: W, 0 = by radiance
+  // Per material.
+  std::vector<Emission> emission_;
+  std::vector<uint32_t> own_flags_;  // MaterialRecord::flags before resolve_mixes
   bool has_environment_ = false;
 };
 

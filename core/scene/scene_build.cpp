@@ -15,6 +15,11 @@
 namespace destello {
 
 std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
+  finish(options);
+  return std::move(scene_);
+}
+
+void SceneBuilder::finish(const BuildOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   SceneArrays& a = scene_->arrays_;
   resolve_mixes();
@@ -39,17 +44,21 @@ std::unique_ptr<Scene> SceneBuilder::build(const BuildOptions& options) {
                      a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
   s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
   s.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return std::move(scene_);
 }
 
-// Children come before their mix, so one pass in order sees every child resolved.
+// Children come before their mix, so that one pass in order sees every child resolved; in edited scenes it may take more.
 void SceneBuilder::resolve_mixes() {
   auto& materials = scene_->arrays_.materials;
-  for (MaterialRecord& m : materials) {
-    if (!(m.flags & kIsMix)) continue;
-    const uint32_t a = materials[m.mix_first].flags, b = materials[m.mix_second].flags;
-    m.flags |= (a | b) & kNeedsUv;
-    if ((a & b) & kOpaqueToShadows) m.flags |= kOpaqueToShadows;
+  for (size_t i = 0; i < materials.size(); ++i) materials[i].flags = own_flags_[i];
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (MaterialRecord& m : materials) {
+      if (!(m.flags & kIsMix)) continue;
+      const uint32_t a = materials[m.mix_first].flags, b = materials[m.mix_second].flags, before = m.flags;
+      m.flags |= (a | b) & kNeedsUv;
+      if ((a & b) & kOpaqueToShadows) m.flags |= kOpaqueToShadows;
+      changed |= m.flags != before;
+    }
   }
 }
 
@@ -83,6 +92,12 @@ void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   group->primitives = {};
 }
 
+Bounds SceneBuilder::instance_bounds(const Instance& instance, const Bounds& group) {
+  Bounds box = transform_bounds(instance.to_world, group);
+  box.grow(transform_bounds(instance.to_world_end, group));
+  return box;
+}
+
 void SceneBuilder::build_trees(const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   meshes_.clear();
@@ -97,10 +112,8 @@ void SceneBuilder::build_trees(const BuildOptions& options) {
     LeafPrimitive p;
     p.object = i;
     p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::Instance);
-    Bounds box = transform_bounds(it.to_world, g.bounds);
-    box.grow(transform_bounds(it.to_world_end, g.bounds));
     world.primitives.push_back(p);
-    world.boxes.push_back(box);
+    world.boxes.push_back(instance_bounds(it, g.bounds));
   }
   a.world_first_leaf = static_cast<uint32_t>(a.leaves.size());
   build_group(&world, options);
@@ -161,14 +174,14 @@ float SceneBuilder::emitter_area(const AreaLight& light) const {
 // An emitter given by its power shines with power / (area pi sides) times its colour.
 void SceneBuilder::resolve_powers() {
   SceneArrays& a = scene_->arrays_;
-  if (std::none_of(emissive_power_.begin(), emissive_power_.end(), [](float p) { return p > 0; })) return;
+  if (std::none_of(emission_.begin(), emission_.end(), [](const Emission& e) { return e.power > 0; })) return;
   std::vector<double> area(a.materials.size());
   for (const AreaLight& l : a.area_lights) area[a.objects[a.leaves[l.leaf].object].material] += emitter_area(l);
   for (size_t i = 0; i < area.size(); ++i) {
-    if (!(emissive_power_[i] > 0) || !(area[i] > 0)) continue;
+    if (!(emission_[i].power > 0) || !(area[i] > 0)) continue;
     const double sides = a.materials[i].flags & kEmissionTwoSided ? 2 : 1;
-    a.slots[a.materials[i].surface_slot + kEmissionSlot].value *=
-        static_cast<float>(emissive_power_[i] / (area[i] * kPi * sides));
+    a.slots[a.materials[i].surface_slot + kEmissionSlot].value =
+        emission_[i].color * static_cast<float>(emission_[i].power / (area[i] * kPi * sides));
   }
 }
 
@@ -229,6 +242,7 @@ std::vector<float> SceneBuilder::light_powers() const {
 
 void SceneBuilder::build_lights() {
   SceneArrays& a = scene_->arrays_;
+  a.suns.clear();
   for (uint32_t i = 0; i < a.punctual.size(); ++i)
     if (!a.punctual[i].visit(LightIsDelta{})) a.suns.push_back(i);
   const auto table = [](const std::vector<float>& power) {

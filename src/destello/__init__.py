@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     )
     from destello.image import Image
     from destello.io import load
+    from destello.live import LiveScene
     from destello.nodes import Node
     from destello.render import render
     from destello.scene import Group, Scene
     from destello.transform import Transform, look_at, matrix, rotate, scale, shear, translate
+    from destello.viewer import view
 
 # Public name: module it comes from; a name without one is a module itself.
 _WHERE = {
@@ -49,6 +51,7 @@ _WHERE = {
     "Animation": "animation",
     "Group": "scene",
     "Image": "image",
+    "LiveScene": "live",
     "Node": "nodes",
     "Scene": "scene",
     "Transform": "transform",
@@ -61,6 +64,7 @@ _WHERE = {
     "scale": "transform",
     "shear": "transform",
     "translate": "transform",
+    "view": "viewer",
     "cameras": "",
     "environments": "",
     "errors": "",
@@ -75,9 +79,9 @@ _WHERE = {
 
 __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
-    "RenderError", "SceneError", "Animation", "Group", "Image", "Node", "Scene", "Transform", "keyframes", "load",
-    "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "cameras", "environments", "errors",
-    "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
+    "RenderError", "SceneError", "Animation", "Group", "Image", "LiveScene", "Node", "Scene", "Transform", "keyframes",
+    "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "view", "cameras", "environments",
+    "errors", "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "__version__",
 ]  # fmt: skip
 
 

@@ -184,11 +184,7 @@ class SceneCompiler:
         for i, shape in enumerate(scene.shapes):
             self._shape(WORLD, shape, label(f"shapes[{i}]", shape), self._context)
         self._flush_spheres()
-        for i, light in enumerate(scene.lights):
-            place = label(f"lights[{i}]", light)
-            params = self._context.materials.params(light, place, skip=("transform",))
-            with core_errors(place):
-                self._builder.add_light(light.type, params, transform=rows(light["transform"]))
+        self._lights(scene)
         if scene.environment is not None:
             self._environment(scene.environment)
         for name, camera in scene.cameras.items():
@@ -205,6 +201,13 @@ class SceneCompiler:
         return [f"{total} triangle{'s' if total > 1 else ''} without area left out ({where})"]
 
     # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _lights(self, scene: Scene) -> None:
+        for i, light in enumerate(scene.lights):
+            place = label(f"lights[{i}]", light)
+            params = self._context.materials.params(light, place, skip=("transform",))
+            with core_errors(place):
+                self._builder.add_light(light.type, params, transform=rows(light["transform"]))
 
     def _environment(self, node: Node) -> None:
         params = self._context.materials.params(node, "environment", skip=("image", "transform"))
@@ -233,8 +236,7 @@ class SceneCompiler:
             return context.material
         return context.materials.material(shape["material"], f"{place}.material")
 
-    @staticmethod
-    def _placement(shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:
+    def _placement(self, shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:
         """The shape's transforms when the shutter opens and closes, in its group."""
         first, last = shape["transform"], shape["transform1"]
         outer, outer1 = context.outer, context.outer1

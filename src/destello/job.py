@@ -111,7 +111,7 @@ class Job:
 def plan(scene: Scene, request: Request) -> Job:
     """Checks a request against a scene. Raises InputError (SceneError, DeviceError, ImageTooLarge)."""
     width, height = _size(scene, request.size)
-    settings = _settings(scene, request)
+    settings = core_settings(scene, request)
     span, open_ended = _span(scene, request)
     aovs = _aovs(request.aov)
     features = bool(aovs) or request.denoise
@@ -155,7 +155,8 @@ def _size(scene: Scene, size: tuple[int, int] | None) -> tuple[int, int]:
     return film.width, film.height
 
 
-def _settings(scene: Scene, request: Request) -> dict[str, Any]:
+def core_settings(scene: Scene, request: Request) -> dict[str, Any]:
+    """What the core's renderer is told besides camera and samples."""
     changes = {"seed": request.seed, "max_depth": request.max_depth}
     asked = RenderSettings(**{**scene.render.given, **{k: v for k, v in changes.items() if v is not None}})
     chosen = request.filter if request.filter is not None else scene.film.filter

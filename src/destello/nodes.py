@@ -223,22 +223,21 @@ def _equal_nodes(a: Node, b: Node, known: set[tuple[int, int]]) -> bool:
         if isinstance(value, Node) and isinstance(other, Node):
             if not _equal_nodes(value, other, known):
                 return False
-        elif not _equal(value, other):
+        elif not equal_values(value, other):
             return False
     known.add((id(a), id(b)))
     return True
 
 
-def _equal(a: Any, b: Any) -> bool:
+def equal_values(a: Any, b: Any) -> bool:
+    """Whether two parameters are equal: nodes and plain values by value, arrays exactly."""
     if hasattr(a, "shape") or hasattr(b, "shape"):
         import numpy as np
 
-        return (
-            hasattr(a, "shape")
-            and hasattr(b, "shape")
-            and a.dtype == b.dtype
-            and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
-        )
+        if not (hasattr(a, "shape") and hasattr(b, "shape")) or (a.dtype, a.shape) != (b.dtype, b.shape):
+            return False
+        same = a.__array_interface__["data"] == b.__array_interface__["data"] and a.strides == b.strides
+        return same or np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     return bool(type(a) is type(b) and a == b)
 
 

@@ -1,4 +1,4 @@
-"""The command line: `destello render`, `info`, `devices`, `scenes`, `convert`, `bench`.
+"""The command line: `destello render`, `view`, `info`, `devices`, `scenes`, `convert`, `bench`.
 
 Results go to standard output; progress, notes and errors to standard error. An error is one line; `DESTELLO_DEBUG=1`
 shows where it came from. Exit codes: 0 done, 1 the render failed, 2 the input or the command line is wrong,
@@ -21,6 +21,7 @@ from destello.cli.bench import bench
 from destello.cli.convert import convert
 from destello.cli.look import devices, info, scenes
 from destello.cli.render import render
+from destello.cli.view import view
 from destello.errors import Error
 
 INTERRUPTED = 130
@@ -110,7 +111,7 @@ def _root(
     """A physically based path tracer for NVIDIA GPUs and CPUs."""
 
 
-for command in (render, info, devices, scenes, convert, bench):
+for command in (render, view, info, devices, scenes, convert, bench):
     app.command()(command)
 
 

@@ -46,6 +46,11 @@ def save(scene: Scene, path: Path) -> None:
         aside.write_text(text, encoding="utf-8")
 
 
+def text_of(scene: Scene) -> str:
+    """A scene without large arrays as the text of a YAML file."""
+    return str(to_yaml(scene_document(scene, Path("scene.yaml"))))
+
+
 def _read_text(path: Path) -> str:
     size = path.stat().st_size
     if size > MOST_BYTES:
