@@ -123,7 +123,7 @@ struct HostMethod {
 };
 std::optional<HostMethod> host_method(const std::string& name, bool any) {
   if (name == "simd") return HostMethod{cpu_kernels().trace_rays, any ? 1 : 0};
-  if (name == "packet") return HostMethod{cpu_kernels().trace_rays, any ? 1 : 2};
+  if (name == "packet") return HostMethod{cpu_kernels().trace_rays, any ? 5 : 2};
   if (name == "stream") return HostMethod{cpu_kernels().trace_rays, any ? 4 : 3};
   if (name == "baseline") return HostMethod{&dst_trace_rays_baseline, any ? 1 : 0};
   return std::nullopt;

@@ -1,4 +1,4 @@
-"""The CPU kernels are compiled twice, for any x86-64 processor and for those with AVX2: same results, kept apart."""
+"""The CPU kernels are compiled for any x86-64 processor, for AVX2 and for AVX-512: same results, kept apart."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from destello import _core
 WEAK = ("W", "V", "u", "w", "v")  # nm's letters for weak and unique symbols
 
 
-def kernel_objects(root: Path) -> list[Path]:
-    """The AVX2 kernel of every optimised build there is: sanitized ones are not for use, and inline little."""
-    found = root.glob("build/*/CMakeFiles/destello_kernel_avx2.dir/core/backend/*.o")
+def kernel_objects(root: Path, isa: str) -> list[Path]:
+    """One kernel of every optimised build there is: sanitized ones are not for use, and inline little."""
+    found = root.glob(f"build/*/CMakeFiles/destello_kernel_{isa}.dir/core/backend/*.o")
     return sorted(p for p in found if not p.relative_to(root).parts[1].startswith("sanitize"))
 
 
@@ -29,20 +29,21 @@ def symbols(path: Path) -> list[tuple[str, str]]:
     return [match.groups() for match in re.finditer(r"^[0-9a-f]* ([A-Za-z]) (.*)$", out, re.MULTILINE)]
 
 
-def test_no_code_for_avx2_can_stand_in_for_the_baseline(root):
-    """The linker keeps one copy of each inline function: what the AVX2 kernel offers must have names of its own."""
-    objects = kernel_objects(root)
+@pytest.mark.parametrize("isa", ["avx2", "avx512"])
+def test_no_code_for_one_processor_can_stand_in_for_that_of_another(root, isa):
+    """The linker keeps one copy of each inline function: what such a kernel offers must have names of its own."""
+    objects = kernel_objects(root, isa)
     if not objects:
-        pytest.skip("no build folder with the AVX2 kernel in this checkout")
+        pytest.skip("no build folder with this kernel in this checkout")
     if shutil.which("nm") is None:
         pytest.skip("there is no nm")
     for path in objects:
         defined = symbols(path)
         entry_points = {name for letter, name in defined if letter == "T" and "::" not in name}
-        assert entry_points == {"dst_render_tile_avx2", "dst_trace_rays_avx2"}
-        strays = [name for letter, name in defined if letter in WEAK and "destello_avx2" not in name]
+        assert entry_points == {f"dst_render_tile_{isa}", f"dst_trace_rays_{isa}"}
+        strays = [name for letter, name in defined if letter in WEAK and f"destello_{isa}" not in name]
         assert strays == [], path
-        outside = [name for letter, name in defined if letter == "T" and "::" in name and "destello_avx2" not in name]
+        outside = [name for letter, name in defined if letter == "T" and "::" in name and f"destello_{isa}" not in name]
         assert outside == [], path
 
 
@@ -67,12 +68,16 @@ def render_with(kernel: str, path: Path) -> dict[str, np.ndarray]:
         return dict(file)
 
 
-def test_both_kernels_render_the_same_bits(tmp_path):
-    if _core.testing.cpu_isa() != "AVX2":
+def test_all_kernels_render_the_same_bits(tmp_path):
+    isas = {"baseline": "baseline", "avx2": "AVX2", "avx512": "AVX-512"}
+    best = _core.testing.cpu_isa()
+    if best == "baseline":
         pytest.skip("this processor, or this build, has no AVX2")
-    best, plain = (render_with(kernel, tmp_path / f"{kernel}.npz") for kernel in ("best", "baseline"))
-    assert (best.pop("isa"), plain.pop("isa")) == ("AVX2", "baseline")
-    assert best.keys() == plain.keys()
-    for name, values in best.items():
-        assert np.count_nonzero(values) > 0
-        np.testing.assert_array_equal(plain[name], values, name)
+    names = list(isas)[: list(isas.values()).index(best) + 1]
+    images = {name: render_with(name, tmp_path / f"{name}.npz") for name in names}
+    assert {name: str(image.pop("isa")) for name, image in images.items()} == {name: isas[name] for name in names}
+    for name in names[1:]:
+        assert images[name].keys() == images["baseline"].keys()
+        for key, values in images[name].items():
+            assert np.count_nonzero(values) > 0
+            np.testing.assert_array_equal(images["baseline"][key], values, f"{name} {key}")

@@ -237,6 +237,8 @@ def assert_all_agree(scene, rays, methods=TREES):
             np.testing.assert_array_equal(a, b, f"{method}: {name}")
         some = trace(scene, **rays, method=method, any_hit=True)
         np.testing.assert_array_equal(some.found, brute.found, method)
+        if method == "packet":  # may say only that there is a hit
+            continue
         assert np.all(some.t[some.found] >= brute.t[some.found])
         assert np.all(some.t[some.found] < rays["t_max"][some.found])
     return brute

@@ -52,6 +52,7 @@ struct Node8;
 struct SphereBlock;
 struct HostUnit;
 struct HostTarget;
+struct FewTriangle;
 
 inline constexpr uint32_t kSphereBlock = 8;
 
@@ -86,6 +87,9 @@ struct GeometryView {
   // Host only: see host_tree.h.
   const HostUnit* host = nullptr;
   const HostTarget* host_targets = nullptr;  // of each node
+  // Host only: see few_triangles.h.
+  const FewTriangle* few = nullptr;
+  uint32_t few_count = 0;  // 0: too many, or not only resting triangles
 };
 
 // The vertices of a (moving) triangle at a time.

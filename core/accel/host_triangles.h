@@ -2,10 +2,7 @@
 // has AVX2.
 #pragma once
 
-#if defined(__AVX2__)
-#include <immintrin.h>
-#endif
-
+#include "accel/host_lanes.h"
 #include "accel/host_tree.h"
 
 namespace destello {
@@ -19,53 +16,6 @@ uint32_t hit_triangles(const GeometryView& g, uint32_t first, uint32_t count, co
                        bool* found);
 
 #if defined(__AVX2__)
-
-// A few lanes of floats, with the names that the arithmetic below uses.
-struct Float4 {
-  using Register = __m128;
-  static constexpr int kLanes = 4;
-  static __m128 all(float x) { return _mm_set1_ps(x); }
-  static __m128 less(__m128 a, __m128 b) { return _mm_cmp_ps(a, b, _CMP_LT_OQ); }
-  static __m128 equal(__m128 a, __m128 b) { return _mm_cmp_ps(a, b, _CMP_EQ_OQ); }
-  static __m128 minimum(__m128 a, __m128 b) { return _mm_min_ps(a, b); }
-  static __m128 maximum(__m128 a, __m128 b) { return _mm_max_ps(a, b); }
-  static __m128 choose(__m128 no, __m128 yes, __m128 mask) { return _mm_blendv_ps(no, yes, mask); }
-  static int bits(__m128 mask) { return _mm_movemask_ps(mask); }
-  static void store(float* p, __m128 a) { _mm_storeu_ps(p, a); }
-  static float least(__m128 a) {
-    a = _mm_min_ps(a, _mm_permute_ps(a, 0x4e));
-    return _mm_cvtss_f32(_mm_min_ps(a, _mm_permute_ps(a, 0xb1)));
-  }
-};
-struct Float8 {
-  using Register = __m256;
-  static constexpr int kLanes = 8;
-  static __m256 all(float x) { return _mm256_set1_ps(x); }
-  static __m256 less(__m256 a, __m256 b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
-  static __m256 equal(__m256 a, __m256 b) { return _mm256_cmp_ps(a, b, _CMP_EQ_OQ); }
-  static __m256 minimum(__m256 a, __m256 b) { return _mm256_min_ps(a, b); }
-  static __m256 maximum(__m256 a, __m256 b) { return _mm256_max_ps(a, b); }
-  static __m256 choose(__m256 no, __m256 yes, __m256 mask) { return _mm256_blendv_ps(no, yes, mask); }
-  static int bits(__m256 mask) { return _mm256_movemask_ps(mask); }
-  static void store(float* p, __m256 a) { _mm256_storeu_ps(p, a); }
-  static float least(__m256 a) {
-    return Float4::least(_mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1)));
-  }
-};
-
-template <class F>
-struct Vec3s {
-  typename F::Register x, y, z;
-
-  static Vec3s all(Vec3 v) { return {F::all(v.x), F::all(v.y), F::all(v.z)}; }
-  Vec3s operator-(const Vec3s& b) const { return {x - b.x, y - b.y, z - b.z}; }
-  Vec3s operator+(const Vec3s& b) const { return {x + b.x, y + b.y, z + b.z}; }
-  Vec3s operator*(typename F::Register s) const { return {x * s, y * s, z * s}; }
-  friend typename F::Register dot(const Vec3s& a, const Vec3s& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-  friend Vec3s cross(const Vec3s& a, const Vec3s& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-  }
-};
 
 // Operation by operation what intersect_triangle does, with a triangle in each lane but those of `no_lanes`. On a nearer
 // hit writes t, u, v and returns the lane, else -1.

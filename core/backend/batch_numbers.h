@@ -80,38 +80,57 @@ struct CameraBatch {
 
 // As integrate/surface_scattering.h's BounceNumbers.
 struct ReadyBounceNumbers : BounceNumbers {
-  Vec2 direction_value;
+  Vec2 direction_value, light_value;
+  float light_pick_value;
 
-  explicit ReadyBounceNumbers(Vec2 direction) : direction_value(direction) {}
   Vec2 direction(const Path&) const { return direction_value; }
+  Vec2 light(const Path&) const { return light_value; }
+  float light_pick(const Path&) const { return light_pick_value; }
 };
 
 template <uint32_t kCount>
-struct BounceNumbersBatch {
-  alignas(32) uint32_t key[kCount] = {}, reversed_index[kCount] = {}, dimension[kCount] = {};
-  alignas(32) float x[kCount], y[kCount];
-
+class BounceNumbersBatch {
+ public:
   void set(uint32_t i, const Path& path) {
-    key[i] = path.sampler.key;
-    reversed_index[i] = path.sampler.reversed_index;
-    dimension[i] = bounce_dimension(path, kDimDirection);
+    key_[i] = path.sampler.key;
+    reversed_index_[i] = path.sampler.reversed_index;
+    dimension_[i] = bounce_dimension(path, BounceDimension{});
   }
-  // Of the first n.
-  void compute(uint32_t n) {
-    constexpr uint32_t kLanes = 8;
-    static_assert(kCount % kLanes == 0);
+  // Of the first n; those for lights only if wanted.
+  void compute(uint32_t n, bool lights) {
+    points(n, kDimDirection, &direction_);
+    if (!lights) return;
+    points(n, kDimLight, &light_);
     for (uint32_t first = 0; first < n; first += kLanes) {
       for (uint32_t i = first; i < first + kLanes; ++i) {
-        Sampler s;
-        s.key = key[i];
-        s.reversed_index = reversed_index[i];
-        const Vec2 p = s.get_2d(dimension[i]);
-        x[i] = p.x;
-        y[i] = p.y;
+        light_pick_[i] = sobol_1d(key_[i], reversed_index_[i], dimension_[i] + kDimLightPick);
       }
     }
   }
-  ReadyBounceNumbers operator[](uint32_t i) const { return ReadyBounceNumbers({x[i], y[i]}); }
+  ReadyBounceNumbers operator[](uint32_t i) const {
+    return {{}, {direction_.x[i], direction_.y[i]}, {light_.x[i], light_.y[i]}, light_pick_[i]};
+  }
+
+ private:
+  static constexpr uint32_t kLanes = 16;
+  static_assert(kCount % kLanes == 0);
+  struct Points {
+    alignas(64) float x[kCount] = {}, y[kCount] = {};
+  };
+
+  void points(uint32_t n, BounceDimension d, Points* out) {
+    for (uint32_t first = 0; first < n; first += kLanes) {
+      for (uint32_t i = first; i < first + kLanes; ++i) {
+        const Vec2 p = sobol_2d(key_[i], reversed_index_[i], dimension_[i] + d);
+        out->x[i] = p.x;
+        out->y[i] = p.y;
+      }
+    }
+  }
+
+  alignas(64) uint32_t key_[kCount] = {}, reversed_index_[kCount] = {}, dimension_[kCount] = {};
+  alignas(64) float light_pick_[kCount] = {};
+  Points direction_, light_;
 };
 
 }  // namespace destello

@@ -118,11 +118,19 @@ class CpuBackend final : public Backend {
 
 const CpuKernels& cpu_kernels() {
   static const CpuKernels kernels = [] {
+    [[maybe_unused]] const auto allowed = [](const char* most) {
+      const char* wanted = std::getenv("DESTELLO_CPU");  // the most that may be used: baseline, avx2
+      return wanted == nullptr || (std::strcmp(wanted, "baseline") != 0 && std::strcmp(wanted, most) != 0);
+    };
+#if defined(DST_HAS_AVX512)
+    // Not the first processors with AVX-512, whose clock falls where it is used: those from Ice Lake and Zen 4 on.
+    const bool avx512 = __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") &&
+                        __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi2") &&
+                        __builtin_cpu_supports("bmi2");
+    if (avx512 && allowed("avx2")) return CpuKernels{dst_render_tile_avx512, dst_trace_rays_avx512, "AVX-512"};
+#endif
 #if defined(DST_HAS_AVX2)
-    const char* wanted = std::getenv("DESTELLO_CPU");  // "baseline": as on a processor without AVX2
-    if (wanted != nullptr && std::strcmp(wanted, "baseline") == 0)
-      return CpuKernels{dst_render_tile_baseline, dst_trace_rays_baseline, "baseline"};
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && allowed("baseline"))
       return CpuKernels{dst_render_tile_avx2, dst_trace_rays_avx2, "AVX2"};
 #endif
     return CpuKernels{dst_render_tile_baseline, dst_trace_rays_baseline, "baseline"};

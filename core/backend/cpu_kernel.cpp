@@ -1,8 +1,9 @@
-// Compiled twice: see cpu_kernel.h. Nothing here may instantiate a standard library template out of line.
+// Compiled several times: see cpu_kernel.h. Nothing here may instantiate a standard library template out of line.
 #include "backend/cpu_kernel.h"
 
 #include <new>
 
+#include "accel/traverse_few.h"
 #include "accel/traverse_packet.h"
 #include "accel/traverse_stream.h"
 #include "backend/batch_numbers.h"
@@ -10,7 +11,9 @@
 #include "film/film.h"
 #include "integrate/path_tracer.h"
 
-#if defined(DST_KERNEL_AVX2)
+#if defined(DST_KERNEL_AVX512)
+#define DST_KERNEL(name) name##_avx512
+#elif defined(DST_KERNEL_AVX2)
 #define DST_KERNEL(name) name##_avx2
 #else
 #define DST_KERNEL(name) name##_baseline
@@ -36,24 +39,60 @@ struct Batch {
   Path paths[kBatch];
   Hit hits[kBatch];
   SampleAovs aovs[kBatch];
+  ShadowRay shadows[kBatch];
+  uint32_t asked[kBatch];  // the paths that want theirs
   CameraBatch<kBatch> camera;
   BounceNumbersBatch<kBatch> bounces;  // in the order of the paths alive
   uint32_t size = 0;
 };
 
-// The nearest hits of n rays, kPacket after kPacket. ray(i), hit(i): where they are.
+// The nearest hits of n rays, packet after packet. ray(i), hit(i): where they are.
 template <class GetRay, class GetHit>
 void trace_packets(const GeometryView& geometry, uint64_t n, GetRay&& ray, GetHit&& hit) {
-  for (uint64_t first = 0; first < n; first += kPacket) {
-    const uint32_t count = static_cast<uint32_t>(n - first < kPacket ? n - first : kPacket);
-    const Ray* rays[kPacket];
-    Hit* hits[kPacket];
+  constexpr uint32_t kLanes = Lanes::kLanes, kMost = kLanes > kPacket ? kLanes : kPacket;
+  const uint32_t size = geometry.few_count != 0 ? kLanes : kPacket;
+  for (uint64_t first = 0; first < n; first += size) {
+    const uint32_t count = static_cast<uint32_t>(n - first < size ? n - first : size);
+    const Ray* rays[kMost];
+    Hit* hits[kMost];
     for (uint32_t i = 0; i < count; ++i) {
       rays[i] = ray(first + i);
       hits[i] = hit(first + i);
     }
-    traverse_packet(geometry, rays, hits, count);
+    if (geometry.few_count != 0) {
+      closest_few(geometry, rays, hits, count);
+    } else {
+      traverse_packet(geometry, rays, hits, count);
+    }
   }
+}
+
+// Whether rays hit anything, for scenes of a few triangles. found(i, yes): what is to be done with the answer for ray i.
+template <class GetRay, class Found>
+void any_packets(const GeometryView& geometry, uint64_t n, GetRay&& ray, Found&& found) {
+  constexpr uint32_t kLanes = Lanes::kLanes;
+  for (uint64_t first = 0; first < n; first += kLanes) {
+    const uint32_t count = static_cast<uint32_t>(n - first < kLanes ? n - first : kLanes);
+    const Ray* rays[kLanes];
+    for (uint32_t i = 0; i < count; ++i) rays[i] = ray(first + i);
+    const uint32_t hit = any_few(geometry, rays, count);
+    for (uint32_t i = 0; i < count; ++i) found(first + i, (hit >> i & 1) != 0);
+  }
+}
+
+// The shadow rays that the paths of a batch have asked for: `n` of them.
+template <class Tracer>
+void connect_all(const SceneView& scene, Batch* batch, uint32_t n) {
+  const uint32_t* who = batch->asked;
+  if (scene.geometry.few_count == 0 || !any_hit_blocks<Tracer>(scene)) {
+    for (uint32_t k = 0; k < n; ++k) connect<Tracer>(scene, batch->shadows[who[k]], &batch->paths[who[k]]);
+    return;
+  }
+  any_packets(
+      scene.geometry, n, [&](uint64_t k) { return &batch->shadows[who[k]].ray; },
+      [&](uint64_t k, bool blocked) {
+        if (!blocked) receive_light(batch->shadows[who[k]], &batch->paths[who[k]]);
+      });
 }
 
 template <class Tracer>
@@ -67,31 +106,30 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
                                            batch->camera.time[i], batch->camera.sign[i]));
     batch->aovs[i] = {};
   }
+  const bool few = scene.geometry.few_count != 0;
   for (bool first = true; n != 0; first = false) {
-    if (first) {
+    if (first || few) {
       trace_packets(
-          scene.geometry, n, [&](uint64_t i) { return &batch->paths[i].ray; },
-          [&](uint64_t i) { return &batch->hits[i]; });
+          scene.geometry, n, [&](uint64_t k) { return &batch->paths[alive[k]].ray; },
+          [&](uint64_t k) { return &batch->hits[alive[k]]; });
     } else {
       for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
     }
-    counts[0] += n;
     for (uint32_t k = 0; k < n; ++k) batch->bounces.set(k, batch->paths[alive[k]]);
-    batch->bounces.compute(n);
-    uint32_t left = 0;
+    batch->bounces.compute(n, lights_are_sampled(scene, task.settings));
+    uint32_t left = 0, asked = 0;
     for (uint32_t k = 0; k < n; ++k) {
       const uint32_t i = alive[k];
       Path& path = batch->paths[i];
-      ShadowRay shadow;
-      shade<Tracer>(scene, task.settings, batch->hits[i], &path, &shadow,
+      shade<Tracer>(scene, task.settings, batch->hits[i], &path, &batch->shadows[i],
                     task.settings.aovs ? &batch->aovs[i] : nullptr, batch->bounces[k]);
-      if (shadow.wanted) {
-        connect<Tracer>(scene, shadow, &path);
-        ++counts[0];
-      }
+      batch->asked[asked] = i;
+      asked += batch->shadows[i].wanted ? 1 : 0;
       alive[left] = i;
       left += path.alive ? 1 : 0;
     }
+    connect_all<Tracer>(scene, batch, asked);
+    counts[0] += n + asked;
     n = left;
   }
   for (uint32_t i = 0; i < batch->size; ++i) {
@@ -157,12 +195,18 @@ extern "C" void DST_KERNEL(dst_trace_rays)(const void* geometry, const void* ray
     trace_packets(g, n, [&](uint64_t i) { return rays + i; }, [&](uint64_t i) { return hits + i; });
     return;
   }
+  if (how == 5 && g.few_count != 0) {
+    any_packets(
+        g, n, [&](uint64_t i) { return rays + i; },
+        [&](uint64_t i, bool found) { hits[i] = {rays[i].t_max, 0, 0, found ? 0 : Hit::kNone, Hit::kNone}; });
+    return;
+  }
   if (how == 3) return traverse_stream<false>(g, rays, hits, n);
   if (how == 4) return traverse_stream<true>(g, rays, hits, n);
   for (uint64_t i = 0; i < n; ++i) {
     hits[i] = Hit{};
     hits[i].t = rays[i].t_max;
-    if (how == 1) {
+    if (how == 1 || how == 5) {
       traverse_host<true>(g, rays[i], &hits[i]);
     } else {
       traverse_host<false>(g, rays[i], &hits[i]);

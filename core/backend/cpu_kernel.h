@@ -1,6 +1,6 @@
-// The CPU backend's inner loop, compiled once for every x86-64 processor and once for those with AVX2 (see
-// CMakeLists.txt). The AVX2 build renames the namespace `destello`, so that no inline function compiled for AVX2 can
-// stand in for its baseline twin; types cross as void pointers, their layouts are the same.
+// The CPU backend's inner loop, compiled once for every x86-64 processor, once for those with AVX2 and once for those with
+// AVX-512 (see CMakeLists.txt). Builds but the first rename the namespace `destello`, so that no inline function compiled
+// for AVX2 can stand in for its baseline twin; types cross as void pointers, their layouts are the same.
 #pragma once
 
 #include <atomic>
@@ -13,17 +13,18 @@ extern "C" {
 using DstRenderTile = void(const void* scene, const void* task, const void* film, const uint32_t* rect,
                            const std::atomic<bool>* cancel, uint64_t* counts);
 // Traces n rays (destello::Ray) into hits (destello::Hit). geometry: GeometryView. how: 0 nearest hits, 1 any hits, 2
-// nearest hits of rays that go in packets of eight; 3 and 4 as 0 and 1, of rays in turns (traverse_stream.h).
+// nearest hits of rays that go in packets; 3 and 4 as 0 and 1, of rays in turns (traverse_stream.h); 5 any hits of rays in
+// packets (of hits, only whether there is one).
 using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int how);
 
-DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2;
-DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2;
+DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2, dst_render_tile_avx512;
+DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2, dst_trace_rays_avx512;
 }
 
 namespace destello {
 
 // Paths that a thread follows side by side.
-inline constexpr uint32_t kCpuBatch = 32;
+inline constexpr uint32_t kCpuBatch = 64;
 
 // The build of the kernels that fits this processor.
 struct CpuKernels {

@@ -86,6 +86,10 @@ DST_FN Hit trace(const SceneView& scene, const Path& path) {
 
 // --- helper of shade --------------------------------------------------------------------------------------------------
 
+DST_FN bool lights_are_sampled(const SceneView& scene, const RenderSettings& settings) {
+  return settings.light_sampling != LightSampling::Bsdf && !light_table(scene, settings.light_sampling).pick.empty();
+}
+
 // The light sample's contribution and the path's next direction, once the surface is known to be there. `distance`: of
 // the surface from the last scattering.
 template <class Tracer, class Numbers>
@@ -94,11 +98,9 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
                                ShadowRay* shadow, SampleAovs* aovs, const Numbers& numbers) {
   const Surface& s = point.surface;
   LightPick light;
-  if (settings.light_sampling != LightSampling::Bsdf && !(m.flags & kDeltaOnly) &&
-      !light_table(scene, settings.light_sampling).pick.empty())
-    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time,
-                       path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
-                       path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
+  if (!(m.flags & kDeltaOnly) && lights_are_sampled(scene, settings))
+    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time, numbers.light_pick(*path),
+                       numbers.light(*path));
   const Vec3 to_light = point.frame.to_local(light.wi);
   // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
@@ -235,13 +237,22 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
   }
 }
 
+// True if any hit ends any shadow ray.
+template <class Tracer>
+DST_FN bool any_hit_blocks(const SceneView& scene) {
+  return Tracer::kSimple || scene.clear_shadows;
+}
+
+// What connect does where nothing is in the light's way.
+DST_FN void receive_light(const ShadowRay& shadow, Path* path) { path->radiance += shadow.contribution; }
+
 // Adds the light sample to the path if nothing is in its way. Next: trace, if path->alive.
 template <class Tracer>
 DST_FN void connect(const SceneView& scene, const ShadowRay& shadow, Path* path) {
-  if (Tracer::kSimple || scene.clear_shadows) {
+  if (any_hit_blocks<Tracer>(scene)) {
     Hit hit;
     hit.t = shadow.ray.t_max;
-    if (!Tracer::any(scene.geometry, shadow.ray, &hit)) path->radiance += shadow.contribution;
+    if (!Tracer::any(scene.geometry, shadow.ray, &hit)) receive_light(shadow, path);
     return;
   }
   if constexpr (!Tracer::kSimple) {

@@ -76,8 +76,12 @@ constexpr int first_color() {
   return -1;
 }
 
-// The random numbers that a material draws. A backend may pass another type with the same members that has them ready.
+// The random numbers that a bounce draws. A backend may pass another type with the same members that has them ready.
 struct BounceNumbers {
+  DST_HD DST_HOT float light_pick(const Path& path) const {
+    return path.sampler.get_1d(bounce_dimension(path, kDimLightPick));
+  }
+  DST_HD DST_HOT Vec2 light(const Path& path) const { return path.sampler.get_2d(bounce_dimension(path, kDimLight)); }
   DST_HD DST_HOT float lobe(const Path& path) const { return path.sampler.get_1d(bounce_dimension(path, kDimLobe)); }
   DST_HD DST_HOT Vec2 direction(const Path& path) const {
     return path.sampler.get_2d(bounce_dimension(path, kDimDirection));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "accel/bvh_build.h"
+#include "accel/few_triangles.h"
 #include "accel/host_tree.h"
 #include "accel/traversal.h"
 #include "camera/cameras.h"
@@ -37,6 +38,7 @@ struct SceneArrays {
   bool only_blocks = false;
   RawVector<HostUnit> host;
   std::vector<HostTarget> host_targets;
+  std::vector<FewTriangle> few;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;

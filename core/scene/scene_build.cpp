@@ -38,7 +38,8 @@ void SceneBuilder::finish(const BuildOptions& options) {
   s.textures = a.textures.size();
   s.bvh_bytes = a.nodes.size() * sizeof(Node8);
   s.host_bytes = a.host.size() * sizeof(HostUnit) + a.host_targets.size() * sizeof(HostTarget) +
-                 a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4;
+                 a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4 +
+                 a.few.size() * sizeof(FewTriangle);
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.uvs.size() * sizeof(Vec2) +
                      a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
@@ -120,6 +121,7 @@ void SceneBuilder::build_trees(const BuildOptions& options) {
   a.nodes[0] = a.nodes[world.root];
   a.only_blocks = build_sphere_blocks(a.nodes, a.leaves, &a.blocks, &a.blocks_of_node);
   build_host_tree(a.nodes, a.leaves, a.blocks_of_node, options.threads, &a.host, &a.host_targets);
+  a.few = few_triangles(a.leaves, a.world_first_leaf);
   scene_->bounds_ = world.bounds;
 }
 
@@ -281,6 +283,8 @@ void SceneBuilder::make_view() {
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();
   v.geometry.host = a.host.data();
   v.geometry.host_targets = a.host_targets.data();
+  v.geometry.few = a.few.data();
+  v.geometry.few_count = static_cast<uint32_t>(a.few.size());
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();

@@ -32,7 +32,7 @@ struct SpherePoint {
   Vec3 error;   // bound on p's error
   Vec3 normal;  // unit
 };
-DST_FN SpherePoint sphere_point(Vec3 p, Vec3 center, float radius) {
+DST_FN DST_HOT SpherePoint sphere_point(Vec3 p, Vec3 center, float radius) {
   const Vec3 outward = normalize(p - center);
   const Vec3 q = outward * fabsf(radius);
   SpherePoint s;

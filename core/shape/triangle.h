@@ -26,7 +26,8 @@ struct RayFrame {
   DST_HD static RayFrame from_direction(Vec3 d) {
     RayFrame f;
     // Any two vectors across d; their scale cancels.
-    f.x = fabsf(d.x) > fabsf(d.y) ? Vec3(-d.z, 0, d.x) : Vec3(0, d.z, -d.y);
+    const bool wide = fabsf(d.x) > fabsf(d.y);
+    f.x = {select(wide, -d.z, 0), select(wide, 0, d.z), select(wide, d.x, -d.y)};
     f.y = cross(d, f.x);
     return f;
   }

@@ -176,6 +176,19 @@ def test_what_is_gone_slows_nothing_down(device: str) -> None:
         assert live.stats()["interiors"] == 0
 
 
+def test_insides_that_are_gone_leave_no_gap(device: str) -> None:
+    scene = studio()
+    fog = dl.materials.interface(medium_density=2, medium_albedo=(0.9, 0.3, 0.1))
+    scene.shapes[1] = scene.shapes[1].replace(material=dl.materials.dielectric(ior=1.3))
+    scene.shapes[3] = scene.shapes[3].replace(material=fog)
+    live = LiveScene(scene, device)
+    assert live.stats()["interiors"] == 3
+    live.set_material("ball", dl.materials.diffuse())
+    live.set_material("glass", {"ior": 2.0})  # comes to lie where the fog's was
+    assert live.stats()["interiors"] == 2
+    assert_as_compiled_anew(live, device, "interiors")
+
+
 def test_a_new_texture_goes_in_place(device: str) -> None:
     live = LiveScene(studio(), device)
     image = dl.textures.image(np.random.default_rng(1).random((8, 8, 3), np.float32))

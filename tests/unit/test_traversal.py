@@ -60,6 +60,20 @@ def test_packets_find_the_same_hits(rng, octant, moving):
     np.testing.assert_array_equal(packet.leaf, one.leaf)
 
 
+@pytest.mark.parametrize("n", [1, 2, 36, 64, 65])
+def test_a_few_triangles_without_a_tree(rng, n):
+    """Up to 64 resting triangles are all tested with many rays at once: the same bits as one ray in the tree."""
+    scene = Geometry().soup(rng.uniform(-3, 3, (n, 3, 3))).build()
+    rays = rays_about(rng, 4003)  # the last packet is not full
+    rays["t_max"] = rng.uniform(1, 12, 4003)
+    one, packet = trace(scene, **rays), trace(scene, **rays, method="packet")
+    assert 0 < one.found.mean() < 1
+    for name in ("t", "u", "v", "leaf"):
+        np.testing.assert_array_equal(getattr(packet, name), getattr(one, name), name)
+    some = trace(scene, **rays, method="packet", any_hit=True)
+    np.testing.assert_array_equal(some.found, one.found)
+
+
 @pytest.mark.cuda
 @pytest.mark.parametrize("make", SCENES, ids=lambda f: f.__name__)
 def test_devices_find_what_brute_force_finds(make, rng):
