@@ -175,6 +175,16 @@ T setting(const nb::dict& settings, const char* name, T fallback) {
   return settings.contains(name) ? nb::cast<T>(settings[name]) : fallback;
 }
 
+// What a pixel in the middle of the film sees, from the rays through two neighbours.
+struct PixelCone {
+  Vec2 film;
+  template <class C>
+  RayCone operator()(const C& camera) const {
+    const CameraRay a = camera.generate(film, {0.5f, 0.5f}), b = camera.generate({film.x, film.y + 1}, {0.5f, 0.5f});
+    return {length(a.origin - b.origin), length(a.direction - b.direction)};
+  }
+};
+
 RenderSettings to_settings(const nb::dict& d, uint32_t width, uint32_t height, const AnyCamera& camera) {
   RenderSettings s;
   s.seed = setting(d, "seed", s.seed);
@@ -199,6 +209,7 @@ RenderSettings to_settings(const nb::dict& d, uint32_t width, uint32_t height, c
   }
   s.filter = make_one_of(Filters{}, type, filter, [](auto& f) { f.prepare(); });
   s.camera = camera.visit(PrepareCamera{width, height});
+  s.cone = s.camera.visit(PixelCone{{0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)}});
   if (s.max_depth < 1 || s.max_depth > 10000) throw std::invalid_argument("max_depth: expected 1 to 10000");
   if (!(s.time0 >= 0 && s.time0 <= s.time1 && s.time1 <= 1))
     throw std::invalid_argument("time0, time1: expected 0 <= time0 <= time1 <= 1");

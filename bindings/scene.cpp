@@ -24,6 +24,8 @@ using Numbers = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::
 using Triples = nb::ndarray<const uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Texels = nb::ndarray<nb::ro, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
+constexpr nb::dlpack::dtype kHalf{static_cast<uint8_t>(nb::dlpack::dtype_code::Float), 16, 1};
+
 template <class T, class A>
 std::vector<T> copy(const A& a) {
   std::vector<T> v(a.shape(0));
@@ -55,7 +57,8 @@ WrapMode to_wrap(const std::string& name) {
 }
 
 uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::string& wrap_u,
-                   const std::string& wrap_v, const std::string& filter, const nb::object& uv_transform) {
+                   const std::string& wrap_v, const std::string& filter, const nb::object& uv_transform, bool mip_maps,
+                   uint32_t halvings, const std::optional<uint32_t>& same) {
   Image image;
   image.height = static_cast<uint32_t>(texels.shape(0));
   image.width = static_cast<uint32_t>(texels.shape(1));
@@ -68,8 +71,10 @@ uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::
     image.format = TexelFormat::U16;
   } else if (texels.dtype() == nb::dtype<float>()) {
     image.format = TexelFormat::F32;
+  } else if (texels.dtype() == kHalf) {
+    image.format = TexelFormat::F16;
   } else {
-    throw std::invalid_argument("image: expected texels of type uint8, uint16 or float32");
+    throw std::invalid_argument("image: expected texels of type uint8, uint16, float16 or float32");
   }
   image.srgb = srgb;
   image.wrap_u = to_wrap(wrap_u);
@@ -80,7 +85,9 @@ uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::
   if (!uv_transform.is_none())
     for (size_t r = 0; r < 2; ++r)
       for (size_t c = 0; c < 3; ++c) image.uv[r][c] = nb::cast<float>(nb::float_(uv_transform[r][c]));
-  return b.add_image(image, texels.data(), texels.size() * texels.itemsize());
+  if (same) return b.add_image_again(*same, image);
+  const nb::gil_scoped_release release;
+  return b.add_image(image, texels.data(), texels.size() * texels.itemsize(), mip_maps && image.bilinear, halvings);
 }
 
 uint32_t add_texture(SceneBuilder& b, const std::string& type, const nb::dict& params) {
@@ -122,7 +129,8 @@ uint32_t add_material(SceneBuilder& b, const std::string& type, const nb::dict& 
 
 nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indices, const std::optional<Rows3>& normals,
                    const std::optional<Rows2>& uvs, const std::optional<Rows4>& colors,
-                   const std::optional<Rows3>& positions1, const std::optional<Rows3>& normals1) {
+                   const std::optional<Rows3>& positions1, const std::optional<Rows3>& normals1,
+                   const std::optional<Rows4>& tangents) {
   MeshData m;
   m.positions = copy<Vec3>(positions);
   m.indices.assign(indices.data(), indices.data() + indices.size());
@@ -131,6 +139,7 @@ nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indic
   m.colors = copy<Vec4>(colors);
   m.positions_end = copy<Vec3>(positions1);
   m.normals_end = copy<Vec3>(normals1);
+  m.tangents = copy<Vec4>(tangents);
   uint32_t dropped = 0;
   const uint32_t id = b.add_mesh(std::move(m), &dropped);
   return nb::make_tuple(id, dropped);
@@ -186,21 +195,30 @@ void register_schema(nb::module_& m) {
       "The declared parameters of everything that a scene is made of.");
 }
 
+void register_images(nb::class_<SceneBuilder>& builder) {
+  builder
+      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
+           nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none(),
+           nb::arg("mip_maps") = false, nb::arg("halvings") = 0, nb::arg("same") = nb::none(),
+           "same: number of an image with the same texels, which are then not copied.")
+      .def("add_no_image", &SceneBuilder::add_no_image, "A place in the row of images that has none.");
+}
+
 }  // namespace
 
 void register_scene(nb::module_& m) {
   register_schema(m);
   nb::class_<Scene>(m, "Scene", "A finished scene: geometry, trees, lights. Cannot be changed.").def("stats", &stats);
 
-  nb::class_<SceneBuilder>(m, "SceneBuilder", "Collects a scene; build() finishes it. Bad input raises ValueError.")
-      .def(nb::init<>())
-      .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
-           nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none())
+  nb::class_<SceneBuilder> builder(m, "SceneBuilder",
+                                   "Collects a scene; build() finishes it. Bad input raises ValueError.");
+  register_images(builder);
+  builder.def(nb::init<>())
       .def("add_texture", &add_texture, nb::arg("type"), nb::arg("params"))
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
       .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),
            nb::arg("uvs") = nb::none(), nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(),
-           nb::arg("normals1") = nb::none())
+           nb::arg("normals1") = nb::none(), nb::arg("tangents") = nb::none())
       .def("add_group", &SceneBuilder::add_group)
       .def(
           "place_mesh",

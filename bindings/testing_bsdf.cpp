@@ -10,6 +10,7 @@
 #include <string>
 
 #include "bindings/testing_support.h"
+#include "bsdf/horizon.h"
 #include "bsdf/materials.h"
 #include "bsdf/spectrum.h"
 
@@ -160,11 +161,32 @@ void register_optics(nb::module_& m) {
   m.def("fresnel_conductor", [](float cos_i, float eta, float k) { return fresnel_conductor(cos_i, eta, k); });
 }
 
+void register_horizon(nb::module_& m) {
+  m.def(
+      "bend",
+      [](Rows normals, Rows directions, bool back) {
+        Output<float> out(directions.shape(0), 4);
+        const Horizon horizon = Horizon::between(row(normals, 0), row(normals, 1));
+        for (size_t i = 0; i < out.rows; ++i) {
+          const BentDirection b =
+              back ? horizon.unbend(testing::row3(directions, i)) : horizon.bend(testing::row3(directions, i));
+          float* to = out.data + 4 * i;
+          to[0] = b.w.x, to[1] = b.w.y, to[2] = b.w.z, to[3] = b.density;
+        }
+        return out.array();
+      },
+      nb::arg("normals"), nb::arg("directions"), nb::arg("back") = false,
+      "Directions (N, 3) bent from the horizon of a shading normal to the surface's (`normals`: the surface's, the "
+      "shading "
+      "one), or back, and the ratio of densities: (N, 4).");
+}
+
 }  // namespace
 
 void register_testing_bsdf(nb::module_& m) {
   register_bsdfs(m);
   register_optics(m);
+  register_horizon(m);
 }
 
 }  // namespace destello

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "texture/mipmap.h"
 #include "texture/textures.h"
 
 namespace nb = nanobind;
@@ -47,7 +48,7 @@ class TextureSet {
   }
 
   uint32_t add_image(Texels texels, bool srgb, const std::string& wrap_u, const std::string& wrap_v, bool bilinear,
-                     Array uv_transform) {
+                     Array uv_transform, bool mip_maps) {
     Image image;
     image.offset = (texels_.size() + 3) / 4 * 4;
     image.height = static_cast<uint32_t>(texels.shape(0)), image.width = static_cast<uint32_t>(texels.shape(1));
@@ -59,8 +60,10 @@ class TextureSet {
       image.format = TexelFormat::U16;
     else if (texels.dtype() == nb::dtype<float>())
       image.format = TexelFormat::F32;
+    else if (texels.dtype() == nb::dlpack::dtype{static_cast<uint8_t>(nb::dlpack::dtype_code::Float), 16, 1})
+      image.format = TexelFormat::F16;
     else
-      throw std::invalid_argument("texels are uint8, uint16 or float32");
+      throw std::invalid_argument("texels are uint8, uint16, float16 or float32");
     image.srgb = srgb, image.bilinear = bilinear;
     image.wrap_u = pick<WrapMode>(wrap_u, {"repeat", "clamp", "mirror"});
     image.wrap_v = pick<WrapMode>(wrap_v, {"repeat", "clamp", "mirror"});
@@ -68,6 +71,7 @@ class TextureSet {
     for (size_t i = 0; i < 6; ++i) image.uv[i / 3][i % 3] = uv_transform.data()[i];
     texels_.resize(image.offset + texels.nbytes());
     std::memcpy(texels_.data() + image.offset, texels.data(), texels.nbytes());
+    if (mip_maps) append_mip_maps(&image, srgb_, &texels_);
     images_.push_back(image);
     return static_cast<uint32_t>(images_.size() - 1);
   }
@@ -85,7 +89,7 @@ class TextureSet {
 
   // N points at once: (N, 3) values of a slot.
   nb::ndarray<nb::numpy, float, nb::ndim<2>> eval(nb::handle value, Array positions, Array uvs, Array colors,
-                                                  bool as_scalar) const {
+                                                  bool as_scalar, float footprint) const {
     const Slot slot = read_slot(value);
     const TextureData data = view();
     const size_t n = positions.shape(0);
@@ -99,6 +103,7 @@ class TextureSet {
       c.position = {positions(i, 0), positions(i, 1), positions(i, 2)};
       c.uv = {uvs(i, 0), uvs(i, 1)};
       c.vertex_color = {colors(i, 0), colors(i, 1), colors(i, 2), colors(i, 3)};
+      c.footprint = footprint;
       const Vec3 v = eval_slot(slot, c, data, as_scalar);
       out[3 * i] = v.x, out[3 * i + 1] = v.y, out[3 * i + 2] = v.z;
     }
@@ -172,10 +177,11 @@ void register_testing_texture(nb::module_& m) {
   nb::class_<TextureSet>(m, "TextureSet", "Textures without a scene around them.")
       .def(nb::init<>())
       .def("add_image", &TextureSet::add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u"),
-           nb::arg("wrap_v"), nb::arg("bilinear"), nb::arg("uv_transform"))
+           nb::arg("wrap_v"), nb::arg("bilinear"), nb::arg("uv_transform"), nb::arg("mip_maps") = false)
       .def("add_texture", &TextureSet::add_texture, nb::arg("type"), nb::arg("params"))
       .def("eval", &TextureSet::eval, nb::arg("value"), nb::arg("positions"), nb::arg("uvs"), nb::arg("colors"),
-           nb::arg("as_scalar"), "(N, 3) values of a parameter at N points.");
+           nb::arg("as_scalar"), nb::arg("footprint") = 0.0f,
+           "(N, 3) values of a parameter at N points, each of a square `footprint` wide in uv.");
   m.def(
       "perlin_noise",
       [](Array positions, uint32_t seed) {

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -171,3 +172,19 @@ def sphere(rings: int = 16, sectors: int = 32) -> tuple[np.ndarray, np.ndarray, 
         np.stack([u, v], -1).reshape(-1, 2).astype(np.float32),
         triangles.reshape(-1).astype(np.uint32),
     )
+
+
+def write_image(path: Path, texels: np.ndarray[Any, Any], *, names: tuple[str, ...] = ()) -> Path:
+    """Writes texels as they are, in their own type."""
+    oiio = pytest.importorskip("OpenImageIO")
+    height, width, channels = texels.shape
+    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}
+    spec = oiio.ImageSpec(width, height, channels, kinds[str(texels.dtype)])
+    if names:
+        spec.channelnames = names
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec), out.geterror()
+    assert out.write_image(texels)
+    out.close()
+    return path

@@ -42,6 +42,7 @@ class DeviceScene {
     view_.geometry.moving = keep(&moving_, a.moving);
     view_.triangles = keep(&triangles_, a.triangles);
     view_.normals = keep(&normals_, a.normals);
+    view_.tangents = keep(&tangents_, a.tangents);
     view_.uvs = keep(&uvs_, a.uvs);
     view_.colors = keep(&colors_, a.colors);
     view_.objects.data = keep(&objects_, a.objects, c.objects);
@@ -98,7 +99,7 @@ class DeviceScene {
   DeviceBuffer<uint32_t> triangles_, suns_;
   DeviceBuffer<Vec3> normals_, environment_texels_;
   DeviceBuffer<Vec2> uvs_;
-  DeviceBuffer<Vec4> colors_;
+  DeviceBuffer<Vec4> tangents_, colors_;
   DeviceBuffer<MaterialRecord> materials_;
   DeviceBuffer<Interior> interiors_;
   DeviceBuffer<TextureRecord> textures_;

@@ -98,15 +98,15 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
                                ShadowRay* shadow, SampleAovs* aovs, const Numbers& numbers) {
   const Surface& s = point.surface;
   LightPick light;
+  const Vec3 above = s.p + s.lift;
   if (!(m.flags & kDeltaOnly) && lights_are_sampled(scene, settings))
-    light = pick_light(scene, settings.light_sampling, s.p, path->ray.time, numbers.light_pick(*path),
+    light = pick_light(scene, settings.light_sampling, above, path->ray.time, numbers.light_pick(*path),
                        numbers.light(*path));
-  const Vec3 to_light = point.frame.to_local(light.wi);
-  // A direction must be on the same side of the real surface as of the shading frame, or light leaks.
-  const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.z * dot(light.wi, point.ng) > 0;
+  const BentDirection to_light = entering(point, light.wi);
+  const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.density > 0;
   const MaterialSample answer =
       dispatch(typename Tracer::Materials{}, m.type,
-               AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light, has_light});
+               AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light.w, has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
@@ -118,27 +118,31 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
     path->throughput *= wavelength_weight(path->wavelength);
   }
   if (!is_black(answer.f)) {
-    const float weight = light_weight(settings.light_sampling, light, light.delta ? 0.0f : answer.pdf);
-    shadow->contribution = path->throughput * answer.f * light.radiance * (weight / light.pdf);
-    shadow->ray = shadow_ray(offset_origin(s.p, s.error, s.ng, light.wi), light, path->ray.time);
+    const float weight =
+        light_weight(settings.light_sampling, light, light.delta ? 0.0f : answer.pdf * to_light.density);
+    shadow->contribution = path->throughput * answer.f * light.radiance * (weight * to_light.density / light.pdf);
+    shadow->ray = shadow_ray(point.origin(to_light.w.z > 0), light, path->ray.time);
     shadow->wanted = true;
     if (!Tracer::kSimple) {
       shadow->inside = path->inside;
-      if (to_light.z < 0 && (m.flags & kIsBoundary)) cross_boundary(&shadow->inside, m.interior, s.front);
+      if (to_light.w.z < 0 && (m.flags & kIsBoundary)) cross_boundary(&shadow->inside, m.interior, s.front);
     }
   }
   const BsdfSample& next = answer.next;
-  const Vec3 wi = point.frame.to_world(next.wi);
-  if (!(next.pdf > 0) || is_black(next.weight) || !(next.wi.z * dot(wi, point.ng) > 0)) {
+  if (!(next.pdf > 0) || is_black(next.weight) || next.wi.z == 0) {
     path->alive = false;
     return;
   }
   path->throughput *= next.weight;
   path->eta_scale *= sqr(next.eta);
-  path->ray.origin = offset_origin(s.p, s.error, s.ng, wi);
-  path->ray.direction = normalize(wi);
-  path->bsdf_pdf = (next.flags & kDelta) ? kInfinity : next.pdf;
-  path->travelled = 0;
+  path->ray.origin = point.origin(next.wi.z > 0);
+  path->bsdf_pdf = kInfinity;
+  if (!(next.flags & kStraight)) {
+    const BentDirection wi = leaving(point, next.wi);
+    path->ray.direction = normalize(wi.w);
+    if (!(next.flags & kDelta)) path->bsdf_pdf = next.pdf * wi.density;
+  }
+  path->travelled = path->bsdf_pdf == kInfinity ? distance : 0.0f;
   if ((next.flags & kTransmission) && (m.flags & kIsBoundary)) cross_boundary(&path->inside, m.interior, s.front);
   roulette(settings, path);
   ++path->depth;
@@ -163,13 +167,15 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     return;
   }
   const Surface s = make_surface(scene, path->ray, hit);
-  const TextureContext context = texture_context(s);
+  TextureContext context = texture_context(s);
   uint32_t index = s.material;
   if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
     index = resolve_mix(scene, index, context, path->sampler.get_1d(bounce_dimension(*path, kDimMix)));
   const MaterialRecord& m = scene.materials[index];
   if (!Tracer::kSimple && (m.flags & kHasOpacity)) {
     if (path->sampler.get_1d(bounce_dimension(*path, kDimOpacity)) >= surface_opacity(scene, m, context)) {
+      path->throughput *= opacity_tint(scene, m, context);
+      if (is_black(path->throughput)) path->alive = false;
       pass_straight(path, s, hit.t);
       return;
     }
@@ -194,7 +200,8 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->alive = false;
     return;
   }
-  ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m);
+  if (scene.textures.has_mips) context.footprint = ray_footprint(scene, settings, *path, s, hit);
+  ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m, hit, context);
   if (outside != kNoIndex) point.context.outside_ior = scene.interiors[outside].ior;
   scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs, numbers);
 }
@@ -228,7 +235,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     if ((m.flags & kIsInterface) || hidden) {
       cross_boundary(&inside, m.interior, s.front);
     } else {
-      left *= 1.0f - surface_opacity(scene, m, context);
+      left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));
     }
     const Vec3 origin = offset_origin(s.p, s.error, s.ng, ray.direction);
     // Aim again: what the offset has moved would else add up to a hit on the light itself.

@@ -11,6 +11,11 @@ namespace destello {
 
 enum class LightSampling : uint32_t { Auto, Mis, Bsdf, Light };
 
+// A cone about a ray: its width at the beginning, and how much it grows with each metre.
+struct RayCone {
+  float width = 0, spread = 0;
+};
+
 // How to render, the same for all samples.
 struct RenderSettings {
   uint32_t seed = 0;
@@ -21,6 +26,7 @@ struct RenderSettings {
   float time0 = 0, time1 = 1;  // shutter, within [0, 1]
   float clamp = 0;             // upper bound on a sample's radiance, per channel; 0: none
   uint32_t aovs = 0;           // 1: record albedo, normal and depth of the first hit
+  RayCone cone;                // that a pixel's camera ray stands for
   AnyFilter filter;
   AnyCamera camera;
 };
@@ -67,7 +73,7 @@ struct Path {
   Vec3 throughput{1};    // W: product of f cos / pdf so far
   Vec3 radiance;         // gathered so far
   float bsdf_pdf = 0;    // density of ray.direction by the last scattering, 1/sr; kInfinity: a delta (or the camera)
-  float travelled = 0;   // distance since the last scattering: grows over boundaries passed straight
+  float travelled = 0;   // distance since the last scattering that was no delta: on over boundaries and mirrors
   float eta_scale = 1;   // product of eta^2 over refractions: roulette looks past radiance compression
   float wavelength = 0;  // nm; 0: all colours together
   Sampler sampler;

@@ -1,9 +1,11 @@
 // From a hit to what its material does: which of mixed materials, holes, the shading frame, the BSDF.
 #pragma once
 
+#include "bsdf/horizon.h"
 #include "bsdf/spectrum.h"
 #include "integrate/records.h"
 #include "scene/area_light.h"
+#include "scene/surface_detail.h"
 
 namespace destello {
 
@@ -21,32 +23,84 @@ DST_FN DST_COLD uint32_t resolve_mix(const SceneView& scene, uint32_t material, 
   }
 }
 
+// The side of the square of uv that a path stands for where it hits a surface: the width of a cone about its ray (Akenine-Möller
+// et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones") over the metres of a unit of uv. Opacity and
+// emission are looked up without it: light and shadow rays would see other ones.
+//
+// A cone begins with the camera's, goes on over mirrors and glass as if they were flat, and begins anew at every other
+// scattering, the wider the less its density: so nothing of it need travel with the path but what it has anyway. It is
+// narrower than it might be: half a pixel, a tenth of what bounces would allow, and where it meets a surface at a slant, a square of
+// the same area as its section rather than one that holds it. What is not filtered is left to the samples, and they
+// converge to nearly the same picture (docs/architecture.md has figures).
+DST_FN float ray_footprint(const SceneView& scene, const RenderSettings& settings, const Path& path, const Surface& s,
+                           const Hit& hit) {
+  constexpr float kPixels = 0.5f, kBounce = 0.1f, kWidest = 0.05f, kFlattest = 0.01f;
+  const float distance = path.travelled + hit.t;
+  const float width = path.bsdf_pdf == kInfinity ? kPixels * (settings.cone.width + settings.cone.spread * distance)
+                                                 : min(kBounce / sqrtf(path.bsdf_pdf), kWidest) * distance;
+  const float slant = max(fabsf(dot(s.ng, path.ray.direction)), kFlattest);
+  const float area = uv_area(scene, hit, path.ray.time, s.p);
+  return area > 0 ? width / sqrtf(area * slant) : 0.0f;
+}
+
 // The surface as a BSDF sees it.
 struct ShadingPoint {
   Surface surface;
   Frame frame;  // z on the path's side
   Vec3 wo;      // local
-  Vec3 ng;      // geometric normal on the path's side
+  Vec3 side;    // unit: what a direction must be above to be reflected, below to be transmitted
   BsdfContext context;
+
+  // Whether the shading normal's horizon is another one.
+  DST_HD bool is_bent() const { return side.x != frame.z.x || side.y != frame.z.y || side.z != frame.z.z; }
+  // Where rays to the path's side start, or those to the far side.
+  DST_HD Vec3 origin(bool reflected) const {
+    const Vec3 to = surface.front == reflected ? surface.ng : -surface.ng;
+    return offset_origin(reflected ? surface.p + surface.lift : surface.p, surface.error, surface.ng, to);
+  }
 };
+
+// The direction in which a BSDF's local direction leaves the surface (see horizon.h).
+DST_FN BentDirection leaving(const ShadingPoint& point, Vec3 local) {
+  const float side = local.z < 0 ? -1.0f : 1.0f;
+  BentDirection b{point.frame.to_world(local), 1};
+  if (point.is_bent()) {
+    b = bend_horizon(point.side, point.frame.z, b.w * side, false);
+    b.w = b.w * side;
+  }
+  const float up = dot(b.w, point.side) * side;
+  if (up < 0) b.w -= point.side * (up * side);  // rounding
+  return b;
+}
+
+// The local direction that leaves the surface along w; density 0: none does.
+DST_FN BentDirection entering(const ShadingPoint& point, Vec3 w) {
+  const float side = dot(w, point.side) < 0 ? -1.0f : 1.0f;
+  BentDirection b{w, 1};
+  if (point.is_bent()) {
+    b = bend_horizon(point.side, point.frame.z, w * side, true);
+    b.w = b.w * side;
+  }
+  const Vec3 local = point.frame.to_local(b.w);
+  return {local, local.z * side > 0 ? b.density : 0.0f};
+}
 
 template <class Tracer>
 DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s,
-                                       const MaterialRecord& m) {
+                                       const MaterialRecord& m, const Hit& hit, const TextureContext& context) {
   ShadingPoint p;
   p.surface = s;
-  const Vec3 w = -path.ray.direction;
-  Vec3 ns = s.ns;
-  if (!Tracer::kSimple && (m.flags & kHasNormalMap)) {
-    const Slot& slot = scene.textures.slots[m.surface_slot + kNormalSlot];
-    ns = apply_normal_map(s, eval_slot(slot, texture_context(s), scene.textures, false), m.normal_scale);
-  }
-  p.ng = s.front ? s.ng : -s.ng;
-  if (!s.front) ns = -ns;
-  if (!(dot(ns, w) > 1e-4f)) ns = p.ng;  // seen from behind its shading normal: shade it flat
-  p.frame = is_black(s.tangent) ? Frame::from_z(ns) : Frame::from_zx(ns, s.tangent);
-  p.wo = p.frame.to_local(w);
-  p.wo.z = max(p.wo.z, 1e-6f);
+  // Where the surface counts as the smooth one, its horizon is the interpolated normal's.
+  p.side = is_black(s.lift) ? s.ng : s.ns;
+  DetailFrame detail{s.ns, s.tangent};
+  if (!Tracer::kSimple && (m.flags & kHasDetail))
+    detail = detail_frame(scene, m, s, context, hit, path.ray.time, p.side);
+  if (!s.front) p.side = -p.side, detail.normal = -detail.normal;
+  p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
+  // Seen from behind its shading normal a surface looks as in the mirror: BSDFs know the upper side only, nothing jumps where
+  // the normal turns away, and what a mirror then shows is what the flat surface would.
+  p.wo = p.frame.to_local(-path.ray.direction);
+  p.wo.z = max(fabsf(p.wo.z), 1e-6f);
   p.context.front = s.front;
   p.context.wavelength = path.wavelength;
   return p;

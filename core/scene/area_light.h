@@ -174,6 +174,12 @@ DST_FN DST_COLD float surface_opacity(const SceneView& scene, const MaterialReco
   return m.opacity_cutoff > 0 ? (opacity >= m.opacity_cutoff ? 1.0f : 0.0f) : opacity;
 }
 
+// What light that passes holes is multiplied by.
+DST_FN Vec3 opacity_tint(const SceneView& scene, const MaterialRecord& m, const TextureContext& context) {
+  return min(max(eval_slot(scene.textures.slots[m.surface_slot + kTintSlot], context, scene.textures, false), Vec3(0)),
+             Vec3(1));
+}
+
 // Radiance that the material emits at a point towards direction w (away from the surface).
 DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, TextureContext context, Vec3 ng, Vec3 w) {
   const MaterialRecord& m = scene.materials[material];

@@ -1,6 +1,8 @@
 // What the scene builder asks materials about their parameters. Host only.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -31,6 +33,26 @@ inline const Slot& surface_slot(const std::vector<Slot>& surface, std::string_vi
 inline Vec3 surface_value(const std::vector<Slot>& surface, std::string_view name) {
   return surface_slot(surface, name).value;
 }
+
+// How far apart heights are looked up for the slope of a bump map (MaterialRecord::bump_step).
+struct BumpStep {
+  const Slot* slots;
+  const Image* images;
+  float share;  // of a feature's size
+  template <class T>
+  float operator()() const {
+    if constexpr (std::is_same_v<T, ImageTexture>) {
+      const Image& image = images[static_cast<uint32_t>(slots[0].value.x)];
+      return 1.0f / std::sqrt(std::max(texels_per_uv_area(image), 1e-20f));
+    } else {
+      float scale = 1;
+      for (size_t i = 0; i < T::params.size(); ++i)
+        if (std::string_view(T::params[i].name) == "scale") scale = std::fabs(slots[i].value.x);
+      scale = std::clamp(scale, 1e-6f, 1e6f);
+      return -share * (SelectorTexture<T> ? scale : 1 / scale);  // a checker's is its edge, a noise's its frequency
+    }
+  }
+};
 
 // True if the material has delta lobes only, wherever it is. Textured parameters make it false.
 struct IsDeltaOnly {

@@ -77,7 +77,12 @@ struct TextureParamCount {
 
 }  // namespace
 
-SceneBuilder::SceneBuilder() : scene_(std::make_unique<Scene>()) { groups_.emplace_back(); }
+SceneBuilder::SceneBuilder() : scene_(std::make_unique<Scene>()) {
+  groups_.emplace_back();
+  std::vector<float>& table = scene_->arrays_.srgb_table;
+  table.resize(256);
+  for (size_t i = 0; i < 256; ++i) table[i] = srgb_to_linear(static_cast<float>(i) / 255.0f);
+}
 
 void SceneBuilder::check_material(uint32_t material) const {
   const size_t n = scene_->arrays_.materials.size();
@@ -87,16 +92,6 @@ void SceneBuilder::check_material(uint32_t material) const {
 void SceneBuilder::check_group(uint32_t group) const {
   if (group >= groups_.size())
     fail("group " + std::to_string(group) + ": expected an index below " + std::to_string(groups_.size()));
-}
-
-uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes) {
-  auto& store = scene_->arrays_.texels;
-  store.resize((store.size() + 15) / 16 * 16);
-  image.offset = store.size();
-  const auto* p = static_cast<const unsigned char*>(texels);
-  store.insert(store.end(), p, p + bytes);
-  scene_->arrays_.images.push_back(image);
-  return static_cast<uint32_t>(scene_->arrays_.images.size()) - 1;
 }
 
 uint32_t SceneBuilder::add_slots(const std::vector<Slot>& slots, size_t expected) {
@@ -162,14 +157,21 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   }
   const Slot& opacity = surface_slot(surface, "opacity");
   const Slot& normal_map = surface_slot(surface, "normal_map");
-  m.surface_slot = add_slots({opacity, emission, normal_map}, kSurfaceSlots);
+  const Slot& bump = surface_slot(surface, "bump");
+  const Slot& tangent = surface_slot(surface, "tangent_map");
+  const Slot& rotation = surface_slot(surface, "tangent_rotation");
+  m.surface_slot = add_slots(
+      {opacity, emission, normal_map, surface_slot(surface, "opacity_tint"), bump, tangent, rotation}, kSurfaceSlots);
   m.opacity_cutoff = surface_value(surface, "opacity_cutoff").x;
   m.normal_scale = surface_value(surface, "normal_scale").x;
   m.flags = slot_flags(m.first_slot, count) | slot_flags(m.surface_slot, kSurfaceSlots);
   if (!opacity.is_constant() || opacity.value.x < 1) m.flags |= kHasOpacity;
   if (!is_black(emission.value) || power > 0) m.flags |= kHasEmission;
   if (two_sided) m.flags |= kEmissionTwoSided;
-  if (!normal_map.is_constant()) m.flags |= kHasNormalMap;
+  const bool turned = rotation.value.x != 0 || tangent.value.x != 1 || tangent.value.y != 0.5f;
+  if (!(normal_map.is_constant() && bump.is_constant() && tangent.is_constant() && rotation.is_constant()) || turned)
+    m.flags |= kHasDetail | kNeedsUv;
+  if (!bump.is_constant()) m.bump_step = bump_step(bump);
   if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {
     check_material(mix_first);
@@ -203,6 +205,7 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   check_size(mesh.positions_end.size(), "positions1");
   check_size(mesh.normals.size(), "normals");
   check_size(mesh.normals_end.size(), "normals1");
+  check_size(mesh.tangents.size(), "tangents");
   check_size(mesh.uvs.size(), "uvs");
   check_size(mesh.colors.size(), "colors");
   Mesh m;
@@ -252,6 +255,18 @@ uint32_t SceneBuilder::add_normals(const std::vector<Vec3>& normals, const std::
   return first;
 }
 
+uint32_t SceneBuilder::add_tangents(const std::vector<Vec4>& tangents, const Transform& transform) {
+  if (tangents.empty()) return kNoIndex;
+  auto& out = scene_->arrays_.tangents;
+  const uint32_t first = static_cast<uint32_t>(out.size());
+  for (const Vec4& t : tangents) {
+    const Vec3 w = transform.vector(xyz(t));
+    const Vec3 unit = length_squared(w) > 0 ? normalize(w) : Vec3();
+    out.push_back({unit.x, unit.y, unit.z, t.w});
+  }
+  return first;
+}
+
 void SceneBuilder::add_object(uint32_t group, ObjectRecord object, uint32_t primitives) {
   Group& g = groups_[group];
   if (scene_->arrays_.materials[object.material].flags & kHasEmission) {
@@ -286,6 +301,7 @@ void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material,
   object.first_normal = add_normals(d.normals, transform);
   if (moving && !d.normals.empty())
     object.first_normal_end = add_normals(d.normals_end.empty() ? d.normals : d.normals_end, end);
+  if (!moving) object.first_tangent = add_tangents(d.tangents, start);
   object.flipped = start.determinant() < 0;
   const uint32_t index = static_cast<uint32_t>(scene_->arrays_.objects.size());
   const uint32_t count = static_cast<uint32_t>(d.indices.size() / 3);

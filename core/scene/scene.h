@@ -42,6 +42,7 @@ struct SceneArrays {
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;
+  std::vector<Vec4> tangents;
   std::vector<Vec2> uvs;
   std::vector<Vec4> colors;
   std::vector<MaterialRecord> materials;
@@ -90,6 +91,7 @@ struct MeshData {
   std::vector<Vec3> positions, positions_end;  // metres; at time 0 and 1
   std::vector<uint32_t> indices;               // 3 M
   std::vector<Vec3> normals, normals_end;
+  std::vector<Vec4> tangents;  // see SceneView::tangents; where nothing moves
   std::vector<Vec2> uvs;
   std::vector<Vec4> colors;  // linear
 };
@@ -100,7 +102,12 @@ class SceneBuilder {
  public:
   SceneBuilder();
 
-  uint32_t add_image(Image image, const void* texels, size_t bytes);
+  // Copies the texels. `mip_maps`: makes them, too. `halvings`: how often the image is made smaller before it is kept.
+  uint32_t add_image(Image image, const void* texels, size_t bytes, bool mip_maps = false, uint32_t halvings = 0);
+  // A place without a picture, for a tile of a UdimTexture that is missing.
+  uint32_t add_no_image();
+  // The texels of an image that was added before, read in another way.
+  uint32_t add_image_again(uint32_t same, Image image);
   uint32_t add_texture(uint32_t type, const std::vector<Slot>& slots);
   // `slots` in the order of the material's params, `surface` in that of SurfaceParams.
   uint32_t add_material(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface,
@@ -154,6 +161,8 @@ class SceneBuilder {
   void check_group(uint32_t group) const;
   uint32_t add_slots(const std::vector<Slot>& slots, size_t expected);
   uint32_t add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform);
+  uint32_t add_tangents(const std::vector<Vec4>& tangents, const Transform& transform);
+  float bump_step(const Slot& slot) const;
   uint32_t slot_flags(uint32_t first, size_t count) const;
   void add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material);
   void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);

@@ -24,8 +24,6 @@ void SceneBuilder::finish(const BuildOptions& options) {
   SceneArrays& a = scene_->arrays_;
   resolve_mixes();
   build_trees(options);
-  a.srgb_table.resize(256);
-  for (int i = 0; i < 256; ++i) a.srgb_table[static_cast<size_t>(i)] = srgb_to_linear(static_cast<float>(i) / 255.0f);
   collect_area_lights();
   make_view();
   resolve_powers();
@@ -41,8 +39,9 @@ void SceneBuilder::finish(const BuildOptions& options) {
                  a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4 +
                  a.few.size() * sizeof(FewTriangle);
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
-                     a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.uvs.size() * sizeof(Vec2) +
-                     a.colors.size() * sizeof(Vec4) + a.instances.size() * sizeof(Instance);
+                     a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) +
+                     a.uvs.size() * sizeof(Vec2) + a.colors.size() * sizeof(Vec4) +
+                     a.instances.size() * sizeof(Instance);
   s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
   s.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
@@ -288,11 +287,13 @@ void SceneBuilder::make_view() {
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();
+  v.tangents = a.tangents.data();
   v.uvs = a.uvs.data();
   v.colors = a.colors.data();
   v.materials = span(a.materials);
   v.interiors = span(a.interiors);
-  v.textures = {span(a.textures), span(a.slots), span(a.images), a.texels.data(), a.srgb_table.data()};
+  const bool mips = std::any_of(a.images.begin(), a.images.end(), [](const Image& i) { return i.levels > 1; });
+  v.textures = {span(a.textures), span(a.slots), span(a.images), a.texels.data(), mips, a.srgb_table.data()};
   v.punctual = span(a.punctual);
   v.suns = span(a.suns);
   v.area_lights = span(a.area_lights);
@@ -313,7 +314,7 @@ void SceneBuilder::make_view() {
     if (m.type >= CommonMaterials::size) v.common_materials = 0;
   }
   v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
-  v.simple = v.clear_shadows && v.common_materials && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasNormalMap));
+  v.simple = v.clear_shadows && v.common_materials && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasDetail));
 }
 
 LeafKind Scene::leaf_kind() const {

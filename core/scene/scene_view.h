@@ -18,7 +18,7 @@ enum MaterialFlag : uint32_t {
   kHasOpacity = 1,  // the opacity slot is not a constant 1
   kHasEmission = 2,
   kEmissionTwoSided = 4,
-  kHasNormalMap = 8,
+  kHasDetail = 8,     // a normal, bump or tangent map turns its shading frame
   kIsBoundary = 16,   // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
   kIsInterface = 32,  // no surface at all, only a boundary
   kNeedsUv = 64,      // some texture wants texture coordinates
@@ -32,13 +32,24 @@ struct MaterialRecord {
   uint32_t type = 0;          // position in Materials
   uint32_t flags = 0;         // MaterialFlag
   uint32_t first_slot = 0;    // the BSDF's parameters, in declared order
-  uint32_t surface_slot = 0;  // opacity, emission, normal map
+  uint32_t surface_slot = 0;  // SurfaceSlot
   uint32_t interior = kNoIndex;
   uint32_t mix_first = kNoIndex, mix_second = kNoIndex;  // materials, if kIsMix
   float opacity_cutoff = 0;                              // > 0: opacity below it is 0, else 1
   float normal_scale = 1;
+  float bump_step =
+      0;  // between the heights that a slope is taken from: > 0: in texture coordinates; < 0: its metres, negated
 };
-enum SurfaceSlot : uint32_t { kOpacitySlot, kEmissionSlot, kNormalSlot, kSurfaceSlots };
+enum SurfaceSlot : uint32_t {
+  kOpacitySlot,
+  kEmissionSlot,
+  kNormalSlot,
+  kTintSlot,
+  kBumpSlot,
+  kTangentSlot,
+  kRotationSlot,
+  kSurfaceSlots
+};
 
 // What a boundary encloses.
 struct Interior {
@@ -57,6 +68,7 @@ struct ObjectRecord {
   uint32_t first_uv = kNoIndex;
   uint32_t first_color = kNoIndex;
   uint32_t first_normal_end = kNoIndex;  // normals at time 1 of a moving mesh
+  uint32_t first_tangent = kNoIndex;
   uint32_t flipped = 0;  // placed by a mirroring transform: the stored triangles wind the other way round
 };
 
@@ -76,6 +88,7 @@ struct SceneView {
   Span<ObjectRecord> objects;
   const uint32_t* triangles = nullptr;  // three vertex indices each, relative to the object's first vertex
   const Vec3* normals = nullptr;
+  const Vec4* tangents = nullptr;  // direction of growing u; w < 0: v grows against normal x tangent
   const Vec2* uvs = nullptr;
   const Vec4* colors = nullptr;
 
@@ -95,7 +108,7 @@ struct SceneView {
   uint32_t has_boundaries = 0;           // some material is a boundary: paths keep track of what they are in
   uint32_t clear_shadows = 0;            // every surface blocks shadow rays for sure: any hit will do
   uint32_t common_materials = 0;         // no material but CommonMaterials
-  // No media, interfaces, holes, mixes or normal maps, and common materials alone: see integrate/path_tracer.h.
+  // No media, interfaces, holes, mixes or maps of normals, and common materials alone: see integrate/path_tracer.h.
   uint32_t simple = 0;
 
   DST_HD uint32_t first_area_light() const { return punctual.size; }

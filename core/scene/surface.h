@@ -10,6 +10,7 @@ struct Surface {
   Vec3 error;             // bound on p's error, componentwise
   Vec3 ng;                // geometric normal, unit, on the outward side
   Vec3 ns;                // shading normal, unit, on ng's side
+  Vec3 lift;              // from p to the smooth surface on the ray's side that vertex normals describe; 0: none
   Vec3 tangent;           // direction of growing u, any length; 0 if unknown
   bool mirrored = false;  // v grows against ns x tangent, not along it: the image is seen as in a mirror
   Vec2 uv;
@@ -45,6 +46,12 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
     }
     s.ns = ns;
   }
+  if (object.first_tangent != kNoIndex) {
+    const Vec4* t = scene.tangents + object.first_tangent;
+    const Vec4 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
+    s.tangent = xyz(ta) * w + xyz(tb) * u + xyz(tc) * v;
+    s.mirrored = ta.w * w + tb.w * u + tc.w * v < 0;
+  }
   if (object.first_uv != kNoIndex) {
     const Vec2* t = scene.uvs + object.first_uv;
     const Vec2 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
@@ -52,9 +59,11 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
     // dp/du from the two edges (pbrt 4, section 6.5.4)
     const Vec2 d1 = tb - ta, d2 = tc - ta;
     const float det = d1.x * d2.y - d1.y * d2.x;
-    if (det != 0)
-      s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
-    s.mirrored = det < 0;
+    if (is_black(s.tangent)) {
+      if (det != 0)
+        s.tangent = ((vertices.b - vertices.a) * d2.y - (vertices.c - vertices.a) * d1.y) * copysignf(1.0f, det);
+      s.mirrored = det < 0;
+    }
   } else {
     s.uv = at;
   }
@@ -67,6 +76,31 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
   return s;
 }
 
+// From a point p of a triangle, in its own space, to the smooth surface for which its vertex normals stand: the mean of what
+// lifts p onto the planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter
+// 4), on the side that the ray comes from. Rays that start there see the horizon of the smooth surface, not of its facets.
+// `direction`: of that ray, in the world.
+DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, Hit hit,
+                                 float time, Vec3 direction, TriangleVertices vertices, Vec3 p, Vec3 ng) {
+  Vec3 w = direction;
+  if (hit.instance != Hit::kNone) w = scene.geometry.instances[hit.instance].local_at(time).vector(w);
+  const Vec3 out = face_towards(ng, -w);
+  const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
+  const float weights[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
+  const Vec3 corners[3] = {vertices.a, vertices.b, vertices.c};
+  Vec3 lift;
+  for (int k = 0; k < 3; ++k) {
+    Vec3 n = scene.normals[object.first_normal + index[k]];
+    if (object.first_normal_end != kNoIndex) {
+      n = lerp(n, scene.normals[object.first_normal_end + index[k]], time);
+      if (length_squared(n) > 0) n = normalize(n);
+    }
+    n = face_towards(n, out);
+    lift += n * (weights[k] * max(dot(corners[k] - p, n), 0.0f));
+  }
+  return dot(lift, out) > 0 ? lift : Vec3();
+}
+
 // From the instance's space to the world.
 DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surface s) {
   const Transform world = instance.world_at(time), local = instance.local_at(time);
@@ -77,6 +111,7 @@ DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surf
   s.ng = normalize(local.transposed_vector(s.ng));
   s.ns = local.transposed_vector(s.ns);
   s.tangent = world.vector(s.tangent);
+  s.lift = world.vector(s.lift);
   s.mirrored = s.mirrored != (instance.flipped != 0);
   return s;
 }
@@ -115,6 +150,8 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
     s.mirrored = a.mirrored != (object.flipped != 0);
     s.uv = a.uv;
     s.color = a.color;
+    if (object.first_normal != kNoIndex && !(scene.materials[s.material].flags & kIsBoundary))
+      s.lift = smooth_lift(scene, object, prim.primitive, hit, ray.time, ray.direction, v, s.p, s.ng);
   }
   if (instanced) s = place_surface(*instance, ray.time, s);
   s.ns = face_towards(normalize(s.ns), s.ng);
@@ -123,15 +160,5 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
 }
 
 DST_FN TextureContext texture_context(const Surface& s) { return {s.p, s.uv, s.color}; }
-
-// The normal that a glTF normal map bends ns to: x along the tangent, y along growing v, z along ns.
-DST_FN Vec3 apply_normal_map(const Surface& s, Vec3 sampled, float scale) {
-  if (length_squared(s.tangent) == 0) return s.ns;
-  const float up = s.mirrored ? -scale : scale;
-  const Vec3 local{(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * up, 2 * sampled.z - 1};
-  const Frame frame = Frame::from_zx(s.ns, s.tangent);
-  const Vec3 n = frame.to_world(local);
-  return length_squared(n) > 0 && dot(n, s.ng) > 0 ? normalize(n) : s.ns;
-}
 
 }  // namespace destello

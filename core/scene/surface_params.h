@@ -8,10 +8,14 @@ namespace destello {
 struct SurfaceParams {
   float opacity = 1;
   float opacity_cutoff = 0;
+  Vec3 opacity_tint{1};
   Vec3 emission;
   uint32_t emission_two_sided = 0;
   Vec3 normal_map;
   float normal_scale = 1;
+  float bump = 0;
+  Vec3 tangent_map;
+  float tangent_rotation = 0;
   Vec3 medium_density;
   Vec3 medium_albedo{1};
   Vec3 medium_absorption;
@@ -20,11 +24,14 @@ struct SurfaceParams {
 
   static constexpr auto params = param_list<SurfaceParams>(
       scalar("opacity", &SurfaceParams::opacity, 1,
-             "share of the surface that is there; light passes the rest unchanged")
+             "share of the surface that is there; light passes the rest straight, see opacity_tint")
           .range(0, 1),
       scalar("opacity_cutoff", &SurfaceParams::opacity_cutoff, 0,
              "above 0: opacity below it counts as 0, from it on as 1 (a cut-out)")
           .constant()
+          .range(0, 1),
+      color("opacity_tint", &SurfaceParams::opacity_tint, Vec3(1),
+            "what light that passes where the surface is not there is multiplied by: tinted veils, stained foils")
           .range(0, 1),
       color("emission", &SurfaceParams::emission, Vec3(0.0f), "emitted radiance, on the outward side")
           .at_least(0)
@@ -34,6 +41,15 @@ struct SurfaceParams {
             "tangent-space normals as glTF stores them: 2 texel - 1, x along u, y along v")
           .range(0, 1),
       scalar("normal_scale", &SurfaceParams::normal_scale, 1, "strength of the normal map: scales x and y").constant(),
+      scalar("bump", &SurfaceParams::bump, 0,
+             "height of the surface above its geometry, from a texture: its slopes tilt the normal, nothing moves")
+          .unit("m"),
+      color("tangent_map", &SurfaceParams::tangent_map, Vec3(1, 0.5f, 0.5f),
+            "direction of the tangent (of anisotropic highlights): 2 texel - 1, x along u, y along v")
+          .range(0, 1),
+      scalar("tangent_rotation", &SurfaceParams::tangent_rotation, 0,
+             "turns the tangent about the normal, counter-clockwise for who looks at the surface, after tangent_map")
+          .unit("deg"),
       color("medium_density", &SurfaceParams::medium_density, Vec3(0.0f),
             "scattering events per metre inside the object, per colour")
           .constant()

@@ -2,34 +2,66 @@
 //
 // v = 0 is the bottom of the picture, while texel rows are stored from the top: the row of v is (1 - v) * height - 0.5.
 // (glTF's v runs the other way: its loader flips.) A texel's centre lies at half-integer pixel coordinates.
+//
+// Texels stay as the file had them: 1 to 4 channels of 8 or 16 bits, half or single precision, sRGB or linear, decoded when
+// they are looked up. An image may be followed by its mip maps (mipmap.h), each half the size of the one before.
 #pragma once
-
-#include <cstring>
 
 #include "base/color.h"
 #include "texture/texture.h"
 
 namespace destello {
 
+// The value of a half-precision number (IEEE 754 binary16), finite or not.
+DST_FN float half_to_float(uint32_t h) {
+  const uint32_t magnitude = h & 0x7fff;
+  const float f = magnitude < 0x400    ? static_cast<float>(magnitude) * 0x1p-24f
+                  : magnitude < 0x7c00 ? __builtin_bit_cast(float, (magnitude << 13) + (112u << 23))
+                                       : __builtin_bit_cast(float, (magnitude << 13) | 0x7f800000u);
+  return h & 0x8000 ? -f : f;
+}
+
+DST_FN constexpr uint32_t texel_bytes(TexelFormat format) {
+  return format == TexelFormat::U8 ? 1 : format == TexelFormat::F32 ? 4 : 2;
+}
+
+// One of an image's levels: the picture itself (0) or one of its mip maps.
+struct ImageLevel {
+  uint64_t offset;  // first byte
+  int width, height;
+};
+DST_FN ImageLevel next_level(const ImageLevel& l, const Image& image) {
+  const uint64_t bytes = static_cast<uint64_t>(image.channels) * texel_bytes(image.format);
+  return {l.offset + bytes * static_cast<uint32_t>(l.width) * static_cast<uint32_t>(l.height), max(l.width / 2, 1),
+          max(l.height / 2, 1)};
+}
+DST_FN ImageLevel image_level(const Image& image, uint32_t level) {
+  ImageLevel l{image.offset, static_cast<int>(image.width), static_cast<int>(image.height)};
+  for (; level > 0; --level) l = next_level(l, image);
+  return l;
+}
+
 // One texel as linear RGBA. One channel is a grey, two are grey and alpha; what is missing of alpha is 1.
-DST_FN Vec4 fetch_texel(const Image& image, const TextureData& data, int column, int row) {
+DST_FN Vec4 fetch_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
   const uint32_t n = image.channels;
-  const uint64_t first = (static_cast<uint64_t>(row) * image.width + static_cast<uint32_t>(column)) * n;
+  const uint64_t first =
+      (static_cast<uint64_t>(row) * static_cast<uint32_t>(level.width) + static_cast<uint32_t>(column)) * n;
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
   float c[4] = {0, 0, 0, 1};
   if (image.format == TexelFormat::U8) {
-    const unsigned char* p = data.texels + image.offset + first;
+    const unsigned char* p = data.texels + level.offset + first;
     for (uint32_t i = 0; i < 4; ++i) {
       if (i >= n) break;
       c[i] = (image.srgb && i != alpha) ? data.srgb_table[p[i]] : static_cast<float>(p[i]) * (1.0f / 255.0f);
     }
   } else {
-    const bool half_words = image.format == TexelFormat::U16;
-    const uint16_t* u = reinterpret_cast<const uint16_t*>(data.texels + image.offset) + first;
-    const float* f = reinterpret_cast<const float*>(data.texels + image.offset) + first;
+    const uint16_t* u = reinterpret_cast<const uint16_t*>(data.texels + level.offset) + first;
+    const float* f = reinterpret_cast<const float*>(data.texels + level.offset) + first;
     for (uint32_t i = 0; i < 4; ++i) {
       if (i >= n) break;
-      const float x = half_words ? static_cast<float>(u[i]) * (1.0f / 65535.0f) : f[i];
+      const float x = image.format == TexelFormat::U16   ? static_cast<float>(u[i]) * (1.0f / 65535.0f)
+                      : image.format == TexelFormat::F16 ? half_to_float(u[i])
+                                                         : f[i];
       c[i] = (image.srgb && i != alpha) ? srgb_to_linear(x) : x;
     }
   }
@@ -58,28 +90,61 @@ DST_FN int wrap_texel(int i, int size, WrapMode mode) {
   return i;
 }
 
-// Linear RGBA of an image at a mesh uv.
-DST_FN Vec4 sample_image(const Image& image, const TextureData& data, Vec2 uv) {
-  const float u = image.uv[0][0] * uv.x + image.uv[0][1] * uv.y + image.uv[0][2];
-  const float v = image.uv[1][0] * uv.x + image.uv[1][1] * uv.y + image.uv[1][2];
-  const int width = static_cast<int>(image.width), height = static_cast<int>(image.height);
-  const float x = wrap_coordinate(u, image.wrap_u) * static_cast<float>(width);
-  const float y = (1.0f - wrap_coordinate(v, image.wrap_v)) * static_cast<float>(height);
+// Linear RGBA of one level at (u, v) in [0, 1]. One copy, for all that looks images up.
+DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const TextureData& data, float u, float v) {
+  const float x = u * static_cast<float>(level.width), y = (1.0f - v) * static_cast<float>(level.height);
   if (!image.bilinear) {
-    const int column = min(static_cast<int>(x), width - 1), row = min(static_cast<int>(y), height - 1);
-    return fetch_texel(image, data, column, row);
+    const int column = min(static_cast<int>(x), level.width - 1), row = min(static_cast<int>(y), level.height - 1);
+    return fetch_texel(image, level, data, column, row);
   }
   const float left = floorf(x - 0.5f), top = floorf(y - 0.5f);
   const float tx = x - 0.5f - left, ty = y - 0.5f - top;
   Vec4 sum{0, 0, 0, 0};
   for (int tap = 0; tap < 4; ++tap) {
-    const int column = wrap_texel(static_cast<int>(left) + (tap & 1), width, image.wrap_u);
-    const int row = wrap_texel(static_cast<int>(top) + (tap >> 1), height, image.wrap_v);
+    const int column = wrap_texel(static_cast<int>(left) + (tap & 1), level.width, image.wrap_u);
+    const int row = wrap_texel(static_cast<int>(top) + (tap >> 1), level.height, image.wrap_v);
     const float w = ((tap & 1) ? tx : 1.0f - tx) * ((tap >> 1) ? ty : 1.0f - ty);
-    const Vec4 c = fetch_texel(image, data, column, row);
+    const Vec4 c = fetch_texel(image, level, data, column, row);
     sum = {sum.x + w * c.x, sum.y + w * c.y, sum.z + w * c.z, sum.w + w * c.w};
   }
   return sum;
+}
+
+// How many texels lie in a unit square of mesh uv.
+DST_FN float texels_per_uv_area(const Image& image) {
+  const float area = fabsf(image.uv[0][0] * image.uv[1][1] - image.uv[0][1] * image.uv[1][0]);
+  return area * static_cast<float>(image.width) * static_cast<float>(image.height);
+}
+
+// The logarithm to base 2 of x > 0, exact at powers of two and straight between: the same bits on every device.
+DST_FN float straight_log2(float x) {
+  const uint32_t bits = __builtin_bit_cast(uint32_t, x);
+  const float mantissa = __builtin_bit_cast(float, (bits & 0x7fffff) | 0x3f800000);
+  return static_cast<float>(static_cast<int>(bits >> 23) - 127) + (mantissa - 1.0f);
+}
+
+// Linear RGBA of an image at (u, v) of its own, seen through a window `footprint` wide in mesh uv: as it is where a texel is
+// larger than that, else between the two levels whose texels come closest (Williams 1983).
+DST_NOINLINE Vec4 sample_image_at(const Image& image, const TextureData& data, float u, float v, float footprint) {
+  u = wrap_coordinate(u, image.wrap_u);
+  v = wrap_coordinate(v, image.wrap_v);
+  const ImageLevel whole = image_level(image, 0);
+  if (image.levels <= 1 || !(footprint > 0)) return sample_level(image, whole, data, u, v);
+  const float texels = min(footprint * sqrtf(texels_per_uv_area(image)), 65536.0f);
+  if (!(texels > 1)) return sample_level(image, whole, data, u, v);
+  const float level = min(straight_log2(texels), static_cast<float>(image.levels - 1));
+  const uint32_t finer = static_cast<uint32_t>(level);
+  const float t = level - static_cast<float>(finer);
+  const ImageLevel a = image_level(image, finer);
+  const Vec4 c = sample_level(image, a, data, u, v);
+  if (t == 0) return c;
+  const Vec4 d = sample_level(image, next_level(a, image), data, u, v);
+  return {lerp(c.x, d.x, t), lerp(c.y, d.y, t), lerp(c.z, d.z, t), lerp(c.w, d.w, t)};
+}
+
+DST_FN Vec2 image_uv(const Image& image, Vec2 uv) {
+  return {image.uv[0][0] * uv.x + image.uv[0][1] * uv.y + image.uv[0][2],
+          image.uv[1][0] * uv.x + image.uv[1][1] * uv.y + image.uv[1][2]};
 }
 
 struct ImageTexture {
@@ -95,7 +160,9 @@ struct ImageTexture {
           .constant());
 
   DST_HD Vec4 eval(const TextureContext& c, const TextureData& data) const {
-    return sample_image(data.images[static_cast<uint32_t>(image)], data, c.uv);
+    const Image& picture = data.images[static_cast<uint32_t>(image)];
+    const Vec2 at = image_uv(picture, c.uv);
+    return sample_image_at(picture, data, at.x, at.y, c.footprint);
   }
 };
 

@@ -16,20 +16,22 @@ struct TextureContext {
   Vec3 position;                  // world space, metres
   Vec2 uv;                        // as the mesh stores it; v = 0 at the bottom (images: see image.h)
   Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear
+  float footprint = 0;            // side of the square of uv that the ray stands for; 0: a point
 };
 
 // How images keep their texels.
-enum class TexelFormat : uint32_t { U8, U16, F32 };
+enum class TexelFormat : uint32_t { U8, U16, F32, F16 };
 enum class WrapMode : uint32_t { Repeat, Clamp, Mirror };
 
 // One image: texels row by row, top row first, `channels` (1 to 4) values each.
 struct Image {
-  uint64_t offset = 0;  // first byte in TextureData::texels, a multiple of 4
-  uint32_t width = 0, height = 0, channels = 0;
+  uint64_t offset = 0;                           // first byte in TextureData::texels, a multiple of 4
+  uint32_t width = 0, height = 0, channels = 0;  // width 0: no picture
   TexelFormat format = TexelFormat::U8;
   WrapMode wrap_u = WrapMode::Repeat, wrap_v = WrapMode::Repeat;
   uint32_t srgb = 0;                        // texels carry the sRGB transfer curve (alpha never does)
   uint32_t bilinear = 1;                    // else nearest
+  uint32_t levels = 1;                      // mip maps that follow, itself counted
   float uv[2][3] = {{1, 0, 0}, {0, 1, 0}};  // affine map from mesh uv to image uv
 };
 
@@ -63,6 +65,7 @@ struct TextureData {
   Span<Slot> slots;
   Span<Image> images;
   const unsigned char* texels = nullptr;
+  uint32_t has_mips = 0;              // some image has mip maps: footprints are of use
   const float* srgb_table = nullptr;  // 256 entries: 8-bit sRGB to linear
 };
 

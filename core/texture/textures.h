@@ -10,11 +10,12 @@
 #include "texture/planet.h"
 #include "texture/solid.h"
 #include "texture/turbulence.h"
+#include "texture/udim.h"
 
 namespace destello {
 
 using Textures = TypeList<SolidTexture, ImageTexture, CheckerTexture, CheckerUvTexture, NoiseTexture, TurbulenceTexture,
-                          MarbleTexture, PlanetTexture>;
+                          MarbleTexture, PlanetTexture, UdimTexture>;
 
 // Reads T's parameters from consecutive slots, constants only.
 template <class T, size_t... I>

@@ -54,7 +54,7 @@ class Assets:
         if real not in self._images:
             self._images[real], bad = repaired(self._read(read_texels, real, place))
             if bad:
-                self.notes.append(f"{path}: {bad} values were infinite or not numbers and were replaced")
+                self.notes.append(f"{path}: {bad} values are infinite or not numbers: they count as 0")
         return real, self._images[real]
 
     def mesh_file(self, shape: Node, place: str = "mesh_file") -> MeshFile | None:

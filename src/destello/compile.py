@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.assets import Assets
-from destello.compile_materials import ImageTable, MaterialCompiler, core_errors
+from destello.compile_errors import core_errors
+from destello.compile_materials import MaterialCompiler
 from destello.defaults import ensure_camera, ensure_light
 from destello.errors import Error, InputError, SceneError, did_you_mean
 from destello.fingerprint import HashingBuilder
 from destello.geometry import mesh_arrays
+from destello.image_table import ImageTable
 from destello.mesh_checks import check_mesh, check_spheres
 from destello.nodes import Node
+from destello.texture_memory import fit, largest, read_size, shrunk, stored_images
 from destello.transform import Transform
 
 if TYPE_CHECKING:
@@ -40,6 +43,7 @@ class CompiledScene:
         filter: the reconstruction filter as the renderer's settings want it: {"type": ..., parameters}.
         stats: the core's counts (triangles, spheres, instances, bytes...).
         notes: the scene's notes and what compiling found: one line each.
+        largest_textures: which images need most memory, in words.
         fingerprint: hash of everything that the core was told: scenes that have the same are the same to it.
     """
 
@@ -51,6 +55,7 @@ class CompiledScene:
     stats: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     fingerprint: str = ""
+    largest_textures: str = ""
 
 
 @dataclass(frozen=True)
@@ -86,17 +91,24 @@ def check_quality(name: object) -> str:
 
 
 def compile_scene(
-    scene: Scene, *, allow_missing: bool | None = None, base_dir: Path | None = None, tree: TreeOptions | None = None
+    scene: Scene,
+    *,
+    allow_missing: bool | None = None,
+    base_dir: Path | None = None,
+    tree: TreeOptions | None = None,
+    texture_budget: str | int | None = None,
 ) -> CompiledScene:
     """Builds the core's scene. See `Scene.compile`."""
     options = (tree or TreeOptions()).for_core()
     try:
-        return _compile(scene, allow_missing, base_dir, options)
+        return _compile(scene, allow_missing, base_dir, options, read_size(texture_budget))
     except Error as error:
         raise error.within(None, file=scene.source) from error.__cause__
 
 
-def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, options: dict[str, Any]) -> CompiledScene:
+def _compile(
+    scene: Scene, allow_missing: bool | None, base_dir: Path | None, options: dict[str, Any], budget: int | None
+) -> CompiledScene:
     from destello import _core
 
     scene.validate()
@@ -106,6 +118,8 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, op
     ensure_light(scene, assets.mesh_scene)
     builder = HashingBuilder(_core.SceneBuilder())
     compiler = SceneCompiler(builder, assets, scene.render.working_space)
+    if budget is not None:
+        compiler.fit_textures(scene, budget)
     compiler.scene(scene)
     assets.files.finish()
     with core_errors(scene.name or "scene"):
@@ -119,6 +133,7 @@ def _compile(scene: Scene, allow_missing: bool | None, base_dir: Path | None, op
         stats=dict(core.stats()),
         notes=[*scene.notes, *assets.notes, *compiler.notes(), *_working_space_notes(scene)],
         fingerprint=builder.fingerprint(),
+        largest_textures=compiler.largest_textures(),
     )
 
 
@@ -174,6 +189,18 @@ class SceneCompiler:
         self._spheres: dict[tuple[int, int, bool], SphereBatch] = {}
         self._dropped: dict[str, int] = {}
         self._groups: dict[str, int] = {}
+
+    def fit_textures(self, scene: Scene, budget: int) -> None:
+        """Images will be made smaller, the largest first, until all need at most `budget` bytes."""
+        images = stored_images(scene, self._context.assets)
+        halvings = fit(images, budget)
+        if halvings:
+            self._images.halvings = halvings
+            self._context.assets.notes.append(shrunk(images, halvings, budget))
+
+    def largest_textures(self) -> str:
+        """Which images need most memory, in words; empty without any."""
+        return largest(self._images.stored)
 
     def scene(self, scene: Scene) -> None:
         """Adds everything."""

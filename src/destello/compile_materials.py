@@ -2,105 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
-from destello.color_spaces import ENCODINGS, converted, texels_in
-from destello.errors import RenderError, SceneError
+from destello.compile_errors import core_errors
+from destello.errors import SceneError
+from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
+from destello.udim import MARK, read_tiles
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
-
     import numpy as np
     from numpy.typing import NDArray
 
-# Numbers by channel, in the guise of colours.
-_NUMBERS = frozenset({"normal_map", "eta", "k", "subsurface_radius_scale", "transmission_scatter"})
-IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-
-
-@contextmanager
-def core_errors(place: str) -> Iterator[None]:
-    """Turns what the core refuses into a SceneError at `place`."""
-    try:
-        yield
-    except (ValueError, IndexError, OverflowError, TypeError) as error:
-        raise SceneError(str(error) or type(error).__name__, place=place) from error
-    except RuntimeError as error:  # a device that the trees were to be built on
-        raise RenderError(str(error), place=place) from error
-    except MemoryError as error:
-        raise RenderError("not enough memory for the scene", place=place, expected="a smaller scene") from error
-
-
-class ImageTable:
-    """The images of a whole compilation: each file and array once for each way of reading it.
-
-    `working`: the RGB space into which colours are brought, of `color_spaces.WORKING_SPACES`.
-    """
-
-    def __init__(self, builder: Any, working: str = "rec709") -> None:
-        self.working = working
-        self._builder = builder
-        self._converted: dict[Hashable, tuple[NDArray[Any], bool]] = {}
-        self._ids: dict[Hashable, int] = {}
-        self._kept: list[Any] = []  # arrays whose id() is a key
-
-    def add(self, texels: NDArray[Any], key: Hashable, srgb: bool, texture: Mapping[str, Any], place: str) -> int:
-        """The core's number for these texels; `key` tells their source apart from others."""
-        options = (texture["wrap_u"], texture["wrap_v"], texture["filter"], uv_transform(texture))
-        full = (key, srgb, *options)
-        if full not in self._ids:
-            self._kept.append(texels)
-            with core_errors(place):
-                self._ids[full] = self._builder.add_image(
-                    texels, srgb=srgb, wrap_u=options[0], wrap_v=options[1], filter=options[2], uv_transform=options[3]
-                )
-        return self._ids[full]
-
-    def decoded(self, texels: NDArray[Any], key: Hashable, space: str, color: bool) -> tuple[NDArray[Any], bool]:
-        """Texels of a colour space as the core reads them, and whether as sRGB. `color`: in the working space."""
-        if space == "auto":
-            space = "raw" if not color else "linear" if texels.dtype.kind == "f" else "srgb"
-        if space == "raw":
-            return texels, False
-        target = self.working if color else ENCODINGS[space][0]
-        full = (key, space, target)
-        if full not in self._converted:
-            self._kept.append(texels)
-            self._converted[full] = texels_in(texels, space, target)
-        return self._converted[full]
-
-    def color(self, rgb: tuple[float, ...]) -> tuple[float, ...]:
-        """Linear Rec.709 in the working space, nothing below 0 that was not before."""
-        if self.working == "rec709" or len(set(rgb)) == 1:
-            return rgb
-        low = min(0.0, *rgb)
-        return tuple(max(float(c), low) for c in converted(rgb, "rec709", self.working))
-
-    def vertex_colors(self, mesh: dict[str, Any]) -> dict[str, Any]:
-        """A mesh's arrays with its colours in the working space."""
-        if self.working == "rec709" or mesh.get("colors") is None:
-            return mesh
-        colors = mesh["colors"].copy()
-        colors[:, :3] = converted(colors[:, :3], "rec709", self.working)
-        return {**mesh, "colors": colors}
-
-
-def uv_transform(texture: Mapping[str, Any]) -> tuple[tuple[float, ...], ...]:
-    """The 2x3 matrix from mesh (u, v) to image (u, v): scale, then rotation, then offset."""
-    from destello.transform import rotate
-
-    (su, sv), (ou, ov) = texture["uv_scale"], texture["uv_offset"]
-    turn = rotate("z", texture["uv_rotation"]).matrix
-    return (
-        (float(turn[0, 0] * su), float(turn[0, 1] * sv), ou),
-        (float(turn[1, 0] * su), float(turn[1, 1] * sv), ov),
-    )
+_NUMBERS = frozenset({"normal_map", "tangent_map", "eta", "k", "subsurface_radius_scale"})  # in the guise of colours
 
 
 class MaterialCompiler:
@@ -114,6 +32,7 @@ class MaterialCompiler:
         self._materials: dict[Node, int] = {}
         self._textures: dict[tuple[Node, bool], int | None] = {}
         self._default: int | None = None
+        self._channels: dict[Node, str] = {}  # of image textures
 
     def material(self, node: Node | None, place: str) -> int:
         """The core's number of a material; None is the default one, grey and diffuse."""
@@ -168,6 +87,10 @@ class MaterialCompiler:
             made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
+        if doc.name in ("normal_map", "tangent_map"):
+            self._check_channel(texture, "rgb" if doc.name == "normal_map" else "rg", place)
+        elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
+            self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}
 
     def texture(self, node: Node, color: bool, place: str) -> int | None:
@@ -175,34 +98,66 @@ class MaterialCompiler:
         key = (node, color)
         if key not in self._textures:
             where = f"{place} ({node.name})" if node.name else place
-            if node.type == "image":
-                image = self.image(node, color, where)
-                params: dict[str, Any] | None = None if image is None else {"image": image}
+            kind = node.type
+            if kind == "image":
+                kind, params = self.image(node, color, where)
             else:
                 params = self.params(node, where, colors=color)
             with core_errors(where):
-                self._textures[key] = None if params is None else self._builder.add_texture(node.type, params)
+                self._textures[key] = None if params is None else self._builder.add_texture(kind, params)
         return self._textures[key]
 
-    def image(self, texture: Node, color: bool, place: str) -> int | None:
-        """The core's number of an image. A missing one gives the stand-in, or None where no colour shows."""
-        options = {
-            name: texture[name] for name in ("wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter")
-        }
-        source: Hashable
-        if texture["pixels"] is not None:
-            texels, source = texture["pixels"], id(texture["pixels"])
+    def _check_channel(self, texture: Node, channel: str, place: str) -> None:
+        """Whether an image has a channel that is asked for. Raises SceneError."""
+        if texture.type != "image" or texture["missing_channels"] == "fill":
+            return
+        has = self._channels.get(texture, "")
+        wanted = next((c for c in channel if has and c not in has), None)
+        if wanted:
+            raise SceneError(
+                f"the image has no channel {wanted}",
+                place=place,
+                value=f"{texture['path'] or texture.name or 'array'}: {', '.join(has)}",
+                expected="another image or channel, or missing_channels: fill",
+            )
+
+    def image(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+        """The core's texture for an image. A missing one gives the stand-in, or None where no colour shows."""
+        path = texture["path"]
+        if path is not None and MARK in path:
+            return self._tiles(texture, color, place)
+        if path is None:
+            texels = texture["pixels"]
         else:
-            found = self._assets.texels(texture["path"], f"{place}.path")
+            found = self._assets.texels(path, f"{place}.path")
             if found is None:
-                self._note_missing(texture["path"], color)
-                if not color:
-                    return None
-                options["filter"] = "nearest"
-                return self._images.add(missing_image(), "missing", True, options, place)
-            source, texels = found
-        texels, srgb = self._images.decoded(texels, source, texture["color_space"], color)
-        return self._images.add(texels, source, srgb, options, place)
+                return "image", self._stand_in(texture, color, place)
+            texels = found[1]
+        self._channels[texture] = _CHANNELS[texels.shape[2]]
+        texels, srgb = self._images.decoded(texels, texture["color_space"], color)
+        return "image", {"image": self._images.add(texels, srgb, _options(texture), place)}
+
+    def _tiles(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+        path = texture["path"]
+        tiles = read_tiles(self._assets, path, f"{place}.path")
+        if tiles is None:
+            return "image", self._stand_in(texture, color, place)
+        if tiles.missing:
+            self._note(f"{path}: no tile {', '.join(map(str, tiles.missing))}: black and transparent there")
+        space = texture["color_space"]
+        read = [None if tile is None else self._images.decoded(tile, space, color) for tile in tiles.texels]
+        kind, srgb = next(tile for tile in read if tile is not None)
+        self._channels[texture] = _CHANNELS[kind.shape[2]]
+        options = {**_options(texture), "wrap_u": "clamp", "wrap_v": "clamp"}
+        first = self._images.add_tiles([tile and tile[0] for tile in read], srgb, options, place)
+        return "udim", {"first": first, "columns": tiles.columns, "rows": tiles.rows}
+
+    def _stand_in(self, texture: Node, color: bool, place: str) -> dict[str, Any] | None:
+        self._note_missing(texture["path"], color)
+        if not color:
+            return None
+        options = {**_options(texture), "filter": "nearest"}
+        return {"image": self._images.add(missing_image(), True, options, place)}
 
     def environment_texels(self, texture: Node, place: str) -> NDArray[np.float32]:
         """An environment's image as linear radiance, (height, width, 3) float32; a missing one gives the stand-in."""
@@ -217,9 +172,20 @@ class MaterialCompiler:
 
     def _note_missing(self, path: str, color: bool) -> None:
         stand_in = "a magenta checker" if color else "the parameter's default"
-        note = f"missing image {path}: replaced by {stand_in}"
+        self._note(f"missing image {path}: replaced by {stand_in}")
+
+    def _note(self, note: str) -> None:
         if note not in self._assets.notes:
             self._assets.notes.append(note)
+
+
+_CHANNELS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
+
+
+def _options(texture: Node) -> dict[str, Any]:
+    """How an image is read: what an ImageTable asks for."""
+    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps")
+    return {name: texture[name] for name in names}
 
 
 def is_color(doc: ParamDoc) -> bool:

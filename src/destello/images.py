@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.errors import FormatError, ImageTooLarge
+from destello import ktx2
+from destello.errors import Error, FormatError, ImageTooLarge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,13 +20,16 @@ LARGEST_BYTES = 8 << 30
 
 
 def read_texels(path: Path) -> NDArray[Any]:
-    """The texels of an image file: (height, width, 1 to 4) uint8, uint16 or float32, top row first.
+    """The texels of an image file: (height, width, 1 to 4) uint8, uint16, float16 or float32, top row first.
 
     Channels are those called R, G, B, A where names tell, else the first four. Alpha stays unassociated where the file
     has it so. Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be held.
     """
     import OpenImageIO as oiio
 
+    with path.open("rb") as stream:
+        if stream.read(len(ktx2.MAGIC)) == ktx2.MAGIC:
+            return _from_ktx2(path)
     hints = oiio.ImageSpec()
     hints.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), hints)
@@ -46,16 +51,27 @@ def read_texels(path: Path) -> NDArray[Any]:
     return np.ascontiguousarray(texels, dtype=kind)
 
 
+def _from_ktx2(path: Path) -> NDArray[Any]:
+    try:
+        png = ktx2.to_png(path.read_bytes())
+    except Error as error:
+        raise error.within(None, file=path) from None
+    with tempfile.TemporaryDirectory(prefix="destello-") as folder:  # OpenImageIO's Python bindings read files only
+        decoded = Path(folder, "image.png")
+        decoded.write_bytes(png)
+        return read_texels(decoded)
+
+
 def repaired(texels: NDArray[Any]) -> tuple[NDArray[Any], int]:
-    """Texels that are all finite, and how many were not: no numbers become 0, infinity 65504 (the most of a half)."""
+    """Texels that are all finite, and how many were not: these become 0."""
     if texels.dtype.kind != "f":
         return texels, 0
-    bad = texels.size - int(np.count_nonzero(np.isfinite(texels)))
-    return (np.nan_to_num(texels, nan=0.0, posinf=_MOST, neginf=-_MOST), bad) if bad else (texels, 0)
+    finite = np.isfinite(texels)
+    bad = texels.size - int(np.count_nonzero(finite))
+    return (np.where(finite, texels, texels.dtype.type(0)), bad) if bad else (texels, 0)
 
 
-_KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads"
-_MOST = 65504.0
+_KNOWN = "PNG, JPEG, TIFF, BMP, TGA, HDR, EXR and what else OpenImageIO reads; KTX2"
 
 
 def _reason(text: str) -> str | None:
@@ -66,11 +82,13 @@ def _reason(text: str) -> str | None:
 def _kind(oiio: Any, stored: Any) -> str:
     if stored.basetype in (oiio.UINT8, oiio.INT8):
         return "uint8"
+    if stored.basetype == oiio.HALF:
+        return "float16"
     return "uint16" if stored.basetype in (oiio.UINT16, oiio.INT16) else "float32"
 
 
 def _type(oiio: Any, kind: str) -> Any:
-    return {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}[kind]
+    return {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}[kind]
 
 
 def _channels(names: Sequence[str]) -> list[int]:

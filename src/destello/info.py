@@ -14,8 +14,12 @@ from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.memory import per_triangle
 from destello.nodes import Node
+from destello.texture_memory import largest, stored_images
+from destello.udim import MARK, read_tiles
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from destello.scene import Scene
 
 # Bytes that the core takes for each element, in its leaf and in arrays, and about what its part of the tree takes.
@@ -24,7 +28,7 @@ MOVING_TRIANGLE_BYTES = 96
 SPHERE_BYTES = 48
 INSTANCE_BYTES = 212
 TREE_BYTES = 12
-_VERTEX_BYTES = {"normals": 12, "normals1": 12, "uvs": 8, "colors": 16}
+_VERTEX_BYTES = {"normals": 12, "normals1": 12, "tangents": 16, "uvs": 8, "colors": 16}
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:
@@ -33,7 +37,8 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     Keys: name, size, spp, cameras, shapes (number of each type), triangles, spheres, instances, groups, lights,
     environment, animation (frames until the last keyframe, fps, number of animated objects; None: nothing moves),
     materials, textures (number of each type), images (width, height, channels, bytes of each file), bounds ([low, high]
-    in metres, or None), memory (bytes), triangle_bytes (bytes a triangle of geometry and of the tree, or None), missing
+    in metres, or None), texture_bytes (what image textures need, mip maps with them), largest_textures (in words),
+    memory (bytes), triangle_bytes (bytes a triangle of geometry and of the tree, or None), missing
     (paths), notes.
 
     Raises:
@@ -43,6 +48,8 @@ def scene_info(scene: Scene) -> dict[str, Any]:
     assets = Assets(scene, allow_missing=True)
     counts = _Counts(scene, assets)
     images = _images(scene.textures(), assets)
+    stored = stored_images(scene, assets)
+    textures = sum(image.bytes() for image in stored)
     box = scene_bounds(scene, assets.mesh_scene)
     nodes = [*scene.nodes()]
     return {
@@ -62,7 +69,9 @@ def scene_info(scene: Scene) -> dict[str, Any]:
         "textures": _types(node for node in nodes if node.kind == "texture"),
         "images": images,
         "bounds": None if box is None else [[float(v) for v in corner] for corner in box],
-        "memory": counts.geometry() + counts.tree() + sum(image["bytes"] for image in images.values()),
+        "texture_bytes": textures,
+        "largest_textures": largest(stored),
+        "memory": counts.geometry() + counts.tree() + textures,
         "triangle_bytes": per_triangle(counts.triangles, counts.geometry(), counts.tree()),
         "missing": list(assets.files.missing),
         "notes": [*scene.notes, *assets.notes],
@@ -123,14 +132,29 @@ def _images(textures: Iterable[Node], assets: Assets) -> dict[str, dict[str, Any
     for texture in textures:
         if texture.type == "image":
             path = texture["path"]
-            found = assets.texels(path, f"{path}") if path else (None, texture["pixels"])
-            texels = np.asarray(missing_image() if found is None else found[1])
+            parts = _parts(texture, assets)
+            texels = parts[0]
             height, width, channels = texels.shape
             images[path or f"array {len(images)}"] = {
                 "width": width,
                 "height": height,
                 "channels": channels,
                 "type": str(texels.dtype),
-                "bytes": texels.nbytes,
+                "bytes": sum(part.nbytes for part in parts),
+                **({"tiles": len(parts)} if path and MARK in path else {}),
             }
     return images
+
+
+def _parts(texture: Node, assets: Assets) -> list[NDArray[Any]]:
+    """The texels of an image texture: one array, or one for each tile that there is."""
+    path = texture["path"]
+    if path is None:
+        return [np.asarray(texture["pixels"])]
+    if MARK in path:
+        tiles = read_tiles(assets, path, path)
+        found = [tile for tile in tiles.texels if tile is not None] if tiles else []
+    else:
+        read = assets.texels(path, path)
+        found = [read[1]] if read else []
+    return found or [missing_image()]

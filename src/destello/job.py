@@ -14,6 +14,7 @@ from destello.device import Device
 from destello.errors import InputError, SceneError, did_you_mean
 from destello.film import Span
 from destello.settings import FilmSettings, RenderSettings
+from destello.texture_memory import read_size
 
 if TYPE_CHECKING:
     from destello.nodes import Node
@@ -46,6 +47,7 @@ class Request:
     time: float | None = None
     threads: int = 0
     build: str = "balanced"
+    texture_budget: str | int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +62,7 @@ class Job:
         open_ended: the end of `span` is only a limit; time or error are to stop the render.
         settings: for the core.
         aovs: layers wanted in the image; `features`: whether the film has to hold them.
-        threads: of the CPU; 0: one a core. build: quality of the trees.
+        threads: of the CPU; 0: one a core. build: quality of the trees. texture_budget: bytes, or None.
         time, target_error: when to stop early, or None.
         display: the scene's look.
         working_space: the RGB space of the film's sums.
@@ -78,6 +80,7 @@ class Job:
     device: Device
     threads: int
     build: str
+    texture_budget: int | None
     time: float | None
     target_error: float | None
     display: Display
@@ -140,6 +143,7 @@ def plan(scene: Scene, request: Request) -> Job:
         device=device,
         threads=threads,
         build=check_quality(request.build),
+        texture_budget=read_size(request.texture_budget),
         time=time,
         target_error=target_error,
         display=display,

@@ -19,7 +19,7 @@ from destello import live_changes as changes
 from destello.assets import Assets
 from destello.color import Display
 from destello.compile import TreeOptions
-from destello.compile_materials import core_errors
+from destello.compile_errors import core_errors
 from destello.defaults import ensure_camera, ensure_light
 from destello.errors import InputError, RenderError, did_you_mean
 from destello.job import Request, core_settings

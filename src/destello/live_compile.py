@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.compile import WORLD, Context, SceneCompiler, label, rows
-from destello.compile_materials import MaterialCompiler, core_errors
+from destello.compile_errors import core_errors
+from destello.compile_materials import MaterialCompiler
 from destello.nodes import Node, equal_values
 from destello.transform import Transform
 

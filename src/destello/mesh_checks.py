@@ -12,7 +12,7 @@ from destello.errors import SceneError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1")
+_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1", "tangents")
 
 
 def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDArray[Any] | None]:

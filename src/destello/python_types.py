@@ -72,6 +72,12 @@ _SHAPES = (
         _array("colors", "colours of the vertices, linear Rec.709 and alpha", 3, 4),
         _array("positions1", "the vertices when the shutter closes (time 1)", 3, unit="m"),
         _array("normals1", "the normals when the shutter closes (time 1)", 3),
+        _array(
+            "tangents",
+            "direction of growing u at the vertices, and 1 where v grows along normal x tangent, else -1; computed "
+            "from the uvs without, or where the mesh moves",
+            4,
+        ),
         *_PLACED,
     ),
     _type(
@@ -119,7 +125,9 @@ _TEXTURES = (
         "texture",
         "image",
         "An image, from a file or an array.",
-        ParamDoc("path", "the file, relative to the scene file", "path"),
+        ParamDoc(
+            "path", "the file, relative to the scene file; <UDIM> in its name stands for tiles 1001, 1002 ...", "path"
+        ),
         ParamDoc("pixels", "texels instead of a file, top row first", "texels"),
         ParamDoc(
             "color_space",
@@ -136,6 +144,20 @@ _TEXTURES = (
             "wrap_v", "beyond the upper and lower edge", "enum", default="repeat", choices=("repeat", "clamp", "mirror")
         ),
         ParamDoc("filter", "between texels", "enum", default="bilinear", choices=("bilinear", "nearest")),
+        ParamDoc(
+            "mip_maps",
+            "smaller copies for where many texels fall on a pixel (images of at least 64 x 64 texels, bilinear)",
+            "bool",
+            default=True,
+        ),
+        ParamDoc(
+            "missing_channels",
+            "what to do where a channel is wanted that the image has not: error, or fill (colours with the grey, alpha "
+            "with 1)",
+            "enum",
+            default="error",
+            choices=("error", "fill"),
+        ),
         ParamDoc(
             "uv_scale", "factors on u and v: 2 repeats the image twice", "numbers", default=(1.0, 1.0), columns=(2,)
         ),

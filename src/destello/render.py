@@ -20,7 +20,7 @@ from destello.film import Film, show_spans, subtract_spans
 from destello.image import Image
 from destello.image_file import Target, check_writable
 from destello.job import Crop, Job, Request, plan
-from destello.memory import peaks, per_triangle
+from destello.memory import peaks, per_triangle, words
 from destello.passes import Loop
 from destello.progress import Progress, interactive, showing
 
@@ -59,6 +59,7 @@ def render(
     time: float | None = None,
     threads: int = 0,
     build: str = "balanced",
+    texture_budget: str | int | None = None,
     working_space: str | None = None,
     progress: Progress | bool | str | None = "auto",
     preview: str | Path | Target | None = None,
@@ -94,6 +95,8 @@ def render(
         build: quality of the trees: `fast` (built soonest: for previews and geometry that changes all the time),
             `balanced` or `high` (rays are fastest: for long renders). It does not change what rays hit. Where a CUDA
             device renders, it also builds the trees of large scenes.
+        texture_budget: bytes, or a text such as `512M`: images are made smaller, the largest first, until all of them
+            need no more; what was done is among the messages. None: they stay as they are.
         working_space: the RGB space in which light is computed, `rec709` or `acescg`; None: the scene's. The picture
             is Rec.709 in any case; the film's sums are not.
         progress: `auto`, True, False, or a function that is called with a `destello.progress.Status`.
@@ -125,7 +128,7 @@ def render(
     request = Request(
         spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth, samples=samples, crop=crop,
         filter=filter, aov=(aov,) if isinstance(aov, str) else tuple(aov), denoise=denoise, target_error=target_error,
-        time=time, threads=threads, build=build,
+        time=time, threads=threads, build=build, texture_budget=texture_budget,
     )  # fmt: skip
     job = plan(scene, request)
     if preview_target is not None:
@@ -219,7 +222,11 @@ class _Session:
         self.messages(f"device: {device.name} ({device.label}), because: {device.reason}")
         job = self.job
         compiled = self.scene.compile(
-            allow_missing=allow_missing or None, build=job.build, device=job.device.name, threads=job.threads
+            allow_missing=allow_missing or None,
+            build=job.build,
+            device=job.device.name,
+            threads=job.threads,
+            texture_budget=job.texture_budget,
         )
         self.stats = compiled.stats
         self.fingerprint = compiled.fingerprint
@@ -270,7 +277,11 @@ class _Session:
         try:
             return core.Renderer(compiled.core, device=self.job.device.name, threads=self.job.threads)
         except (RuntimeError, MemoryError, ValueError) as error:
-            raise RenderError(f"{self.job.device.name} cannot start: {error}") from error
+            problem = f"{self.job.device.name} cannot start: {error}"
+            if "memory" in str(error) and compiled.largest_textures:
+                problem += f"; textures need {words(self.stats['texture_bytes'])}: {compiled.largest_textures}"
+                raise RenderError(problem, expected="--texture-budget SIZE, which makes images smaller") from error
+            raise RenderError(problem) from error
 
     def _after_pass(self, film: Film, seconds: float) -> None:
         self.outputs.after_pass(film, seconds, lambda: self._picture(film))
@@ -345,6 +356,7 @@ class _Session:
             "build": job.build,
             "build_seconds": self.build_seconds,
             "geometry_bytes": self.stats["geometry_bytes"],
+            "texture_bytes": self.stats["texture_bytes"],
             "bvh_bytes": self.stats["bvh_bytes"],
             "triangle_bytes": per_triangle(
                 self.stats["triangles"], self.stats["geometry_bytes"], self.stats["bvh_bytes"]

@@ -197,6 +197,7 @@ class Scene:
         build: str = "balanced",
         device: str = "cpu",
         threads: int = 0,
+        texture_budget: str | int | None = None,
     ) -> CompiledScene:
         """Makes the core's scene: arrays checked, files read, trees built.
 
@@ -207,15 +208,20 @@ class Scene:
                 renders. It decides how fast rays are, not what they hit.
             device: the one that will render (`cpu`, `cuda:0`...): a CUDA device builds the trees of large scenes, too.
             threads: of the CPU that build; 0: one a core.
+            texture_budget: bytes, or a text such as `512M`: images are made smaller, the largest first, until all of
+                them need no more.
 
         Raises:
-            InputError: an unknown quality. SceneError: for a wrong value; MissingFileError with all missing files.
+            InputError: an unknown quality, a wrong budget. SceneError: for a wrong value; MissingFileError with all
+                missing files.
         """
         from destello.compile import TreeOptions, compile_scene
 
         start = None if base_dir is None else Path(base_dir)
         tree = TreeOptions(build, device, threads)
-        return compile_scene(self, allow_missing=allow_missing, base_dir=start, tree=tree)
+        return compile_scene(
+            self, allow_missing=allow_missing, base_dir=start, tree=tree, texture_budget=texture_budget
+        )
 
     def copy(self) -> Scene:
         """A copy to be changed without changing the original; nodes, which never change, are shared."""

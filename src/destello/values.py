@@ -169,7 +169,8 @@ def _texels(doc: ParamDoc, value: Any) -> NDArray[Any]:
     if array.ndim != 3 or not 1 <= array.shape[2] <= 4 or array.shape[0] < 1 or array.shape[1] < 1:
         raise wrong(doc, value, f"wrong shape {tuple(array.shape)}")
     if array.dtype.kind == "f":
-        array = array.astype(np.float32, copy=False)
+        if array.dtype != np.dtype(np.float16):
+            array = array.astype(np.float32, copy=False)
         if not np.isfinite(array).all():
             raise wrong(doc, value, "texels that are not finite")
     elif array.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):

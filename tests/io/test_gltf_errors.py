@@ -132,8 +132,8 @@ def test_wrong_values(change: Change, place: str | None, message: str, tmp_path:
 
 
 def test_required_extensions_are_named(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="an extension that destello does not have: 'KHR_draco_mesh_compression'"):
-        load(quad_file(put("extensionsRequired", ["KHR_draco_mesh_compression"]), tmp_path))
+    with pytest.raises(FormatError, match="an extension that destello does not have: 'MSFT_lod'"):
+        load(quad_file(put("extensionsRequired", ["MSFT_lod"]), tmp_path))
 
 
 def test_nan_vertex_is_named(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from destello.compile_materials import uv_transform
+from destello.image_table import uv_transform
 from destello.io import gltf, load
 from gltf_scenes import BARE, material_of, scene_with
 from scene_files import QUAD_UV, Gltf, corner_image, encode_image

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures"]
+SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "detailed"]
 
 
 def opaque() -> dl.Scene:
@@ -42,6 +42,43 @@ def opaque() -> dl.Scene:
     return s
 
 
+def detailed() -> dl.Scene:
+    """Bent horizons, lifted points, bump and tangent maps, mip maps of every format, tiles, tinted veils."""
+    rng = np.random.default_rng(4)
+    s = dl.Scene(name="detailed")
+    s.film.width, s.film.height = 160, 100
+    s.camera = dl.cameras.perspective(origin=(0, 2, 9), target=(0, 0.6, 0), vfov=40)
+    y, x = np.mgrid[0:256, 0:256] // 16
+    checker = dl.textures.image(((x + y) % 2 * 200 + 30).astype(np.uint8), uv_scale=(8, 8))
+    s.add(dl.shapes.quad((-9, 0, 9), (18, 0, 0), (0, 0, -18), material=dl.materials.diffuse(reflectance=checker)))
+    v, u = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 13), indexing="ij")
+    p = np.stack([np.sin(v) * np.cos(u), np.cos(v), -np.sin(v) * np.sin(u)], -1).reshape(-1, 3).astype(np.float32)
+    i = (np.arange(6)[:, None] * 13 + np.arange(12)).ravel()
+    t = np.concatenate([np.stack([i, i + 13, i + 1], 1), np.stack([i + 1, i + 13, i + 14], 1)])
+    uvs = np.stack([u, np.pi - v], -1).reshape(-1, 2).astype(np.float32) / np.pi
+    tangents = np.concatenate([np.stack([-p[:, 2], 0 * p[:, 0], p[:, 0]], 1), np.ones((len(p), 1))], 1)
+    heights = rng.random((64, 64, 1)).astype(np.float16)
+    bump = dl.textures.scaled(dl.textures.image(heights, uv_scale=(2, 2)), scale=0.02)
+    brushed = dl.textures.image(rng.integers(0, 65535, (64, 64, 3), dtype=np.uint16), color_space="linear")
+    normal = 0.3 + 0.4 * rng.random((64, 64, 3), np.float32)
+    normal[..., 2] = 1
+    materials = (
+        dl.materials.diffuse(reflectance=0.8),
+        dl.materials.conductor(roughness=0.4, anisotropy=0.7, tangent_map=brushed, bump=bump, tangent_rotation=30),
+        dl.materials.dielectric(normal_map=dl.textures.image(normal, color_space="linear")),
+    )
+    for k, material in enumerate(materials):
+        place = dl.translate(2.4 * k - 2.4, 1, 0)
+        s.add(dl.shapes.mesh(p, t, normals=p, uvs=uvs, tangents=tangents, material=material, transform=place))
+    noise = dl.textures.scaled(dl.textures.noise(scale=6), scale=0.05)
+    s.add(dl.shapes.sphere((-1.2, 0.4, 2), 0.4, material=dl.materials.diffuse(reflectance=0.6, bump=noise)))
+    veil = dl.materials.diffuse(reflectance=0.2, opacity=0.3, opacity_tint=(0.9, 0.5, 0.2))
+    s.add(dl.shapes.quad((1, 0, 2), (1.5, 0, 0.5), (0, 2, 0), material=veil))
+    s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
+    s.environment = dl.environments.gradient()
+    return s
+
+
 def everything() -> dl.Scene:
     """The same with what shadow rays pass through: media, and holes in an instance."""
     s = opaque()
@@ -53,7 +90,7 @@ def everything() -> dl.Scene:
     return s
 
 
-MADE = {"textures and media": everything, "normal maps and mixtures": opaque}
+MADE = {"textures and media": everything, "normal maps and mixtures": opaque, "detailed": detailed}
 
 
 def compiled(name: str) -> tuple[Any, dict[str, Any], int]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import destello as dl
-from destello import _core, compile_materials
+from destello import _core, image_table
 from destello.errors import Error, InputError, MissingFileError, SceneError
 
 Call = tuple[str, dict[str, Any]]
@@ -173,8 +173,8 @@ def test_color_spaces(spied: Any, texels: Any, space: str, param: str, srgb: boo
 
 def test_uv_transform() -> None:
     texture = dl.textures.image("a", uv_scale=(2, 3), uv_rotation=90, uv_offset=(0.5, 0.25))
-    assert compile_materials.uv_transform(texture) == ((0.0, -3.0, 0.5), (2.0, 0.0, 0.25))
-    assert compile_materials.uv_transform(dl.textures.image("a")) == compile_materials.IDENTITY_UV
+    assert image_table.uv_transform(texture) == ((0.0, -3.0, 0.5), (2.0, 0.0, 0.25))
+    assert image_table.uv_transform(dl.textures.image("a")) == ((1, 0, 0), (0, 1, 0))
 
 
 def test_mix(spied: Any) -> None:

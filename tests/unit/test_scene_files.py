@@ -13,22 +13,7 @@ import destello as dl
 from destello.errors import FormatError, ImageTooLarge, InputError, MissingFileError
 from destello.files import ResolvedFiles
 from destello.images import linear_rgb, missing_image, read_texels, repaired
-
-
-def write_image(path: Path, texels: np.ndarray[Any, Any], *, names: tuple[str, ...] = ()) -> Path:
-    """Writes texels as they are, in their own type."""
-    oiio = pytest.importorskip("OpenImageIO")
-    height, width, channels = texels.shape
-    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}
-    spec = oiio.ImageSpec(width, height, channels, kinds[str(texels.dtype)])
-    if names:
-        spec.channelnames = names
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec), out.geterror()
-    assert out.write_image(texels)
-    out.close()
-    return path
+from scene_files import write_image
 
 
 # --- paths ------------------------------------------------------------------------------------------------------------
@@ -139,11 +124,12 @@ def test_size_is_checked_before_memory_is_taken(tmp_path: Path, monkeypatch: pyt
 
 
 def test_repair_and_linear() -> None:
-    texels = np.array([[[np.nan, np.inf, -np.inf]]], np.float32)
-    fixed, bad = repaired(texels)
-    assert bad == 3
-    assert fixed.tolist() == [[[0, 65504, -65504]]]
-    assert linear_rgb(fixed, "auto").tolist() == [[[0, 65504, 0]]]
+    for kind in (np.float16, np.float32):
+        fixed, bad = repaired(np.array([[[np.nan, np.inf, -np.inf], [1, -2, 3]]], kind))
+        assert bad == 3
+        assert fixed.dtype == kind
+        assert fixed.tolist() == [[[0, 0, 0], [1, -2, 3]]]
+        assert linear_rgb(fixed, "auto").tolist() == [[[0, 0, 0], [1, 0, 3]]]
     grey = np.array([[[255, 7]]], np.uint8)
     assert linear_rgb(grey, "auto").tolist() == [[[1, 1, 1]]]
     half = np.full((1, 1, 3), 128, np.uint8)

@@ -38,7 +38,7 @@ def _readable(key: str, value: Any) -> str:
     """A value of `Scene.info` in words."""
     if key == "size":
         return f"{value[0]}x{value[1]}"
-    if key == "memory":
+    if key in ("memory", "texture_bytes"):
         return words(value)
     if key == "triangle_bytes":
         return f"{sum(value.values()):.1f} bytes a triangle (geometry {value['geometry']}, tree about {value['tree']})"

@@ -84,6 +84,12 @@ Build = Annotated[
         rich_help_panel=_HOW,
     ),
 ]
+TextureBudget = Annotated[
+    str | None,
+    Option(
+        metavar="SIZE", help="Make images smaller, the largest first, until all need no more.", rich_help_panel=_HOW
+    ),
+]
 Seed = Annotated[int | None, Option(metavar="N", help="Chooses the random numbers.", rich_help_panel=_HOW)]
 MaxDepth = Annotated[int | None, Option(metavar="N", help="Scatterings of a path at most.", rich_help_panel=_HOW)]
 Filter = Annotated[

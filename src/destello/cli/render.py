@@ -38,6 +38,7 @@ def render(
     device: o.Device = "auto",
     threads: o.Threads = 0,
     build: o.Build = "balanced",
+    texture_budget: o.TextureBudget = None,
     seed: o.Seed = None,
     max_depth: o.MaxDepth = None,
     filter: o.Filter = None,  # noqa: A002
@@ -67,7 +68,8 @@ def render(
     arguments = {
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,
-        "build": build, "seed": seed, "max_depth": max_depth, "filter": o.read_filter(filter), "denoise": denoise,
+        "build": build, "texture_budget": texture_budget, "seed": seed, "max_depth": max_depth,
+        "filter": o.read_filter(filter), "denoise": denoise,
         "working_space": working_space, "aov": _layers(aov), "allow_missing": allow_missing,
         "allow_external": allow_external,
     }  # fmt: skip
@@ -308,6 +310,8 @@ def _memory(figures: dict[str, Any]) -> str:
     scene = words(figures["geometry_bytes"] + figures["bvh_bytes"])
     each = figures["triangle_bytes"]
     parts = [f"geometry and trees {scene}" + (f" ({sum(each.values()):.0f} bytes a triangle)" if each else "")]
+    if figures["texture_bytes"]:
+        parts.append(f"textures {words(figures['texture_bytes'])}")
     if figures["peak_device_bytes"]:
         parts.append(f"at most {words(figures['peak_device_bytes'])} on the device")
     if figures["peak_host_bytes"]:

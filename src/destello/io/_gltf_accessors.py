@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from destello.io._gltf_compression import MESHOPT, can_decode, decode_meshopt
 from destello.io._gltf_json import Document, Item
 
 _COMPONENTS: dict[int, np.dtype[Any]] = {
@@ -43,6 +44,7 @@ class Buffers:
         self._buffers: dict[int, memoryview] = {}
         self._arrays: dict[int, Array] = {}
         self._floats: dict[int, NDArray[np.float32]] = {}
+        self._views: dict[int, memoryview] = {}  # decompressed
 
     # --- bytes --------------------------------------------------------------------------------------------------------
 
@@ -76,7 +78,16 @@ class Buffers:
         return sum(len(data) for data in self._buffers.values())
 
     def view(self, item: Item) -> memoryview:
-        """The bytes of a buffer view."""
+        """The bytes of a buffer view, decompressed if need be."""
+        for name in MESHOPT:
+            packed = item.extension(name)
+            if packed is not None and can_decode(item, self.document, name, "almeshopt"):
+                if item.index not in self._views:
+                    self._views[item.index] = memoryview(decode_meshopt(packed, bytes(self._slice(packed))))
+                return self._views[item.index]
+        return self._slice(item)
+
+    def _slice(self, item: Item) -> memoryview:
         buffer = self.document.refer(item, "buffer", "buffers", required=True)
         assert buffer is not None
         data = self.buffer(buffer)
@@ -90,6 +101,16 @@ class Buffers:
                 expected=f"at most {len(data) - offset} from byte {offset}",
             )
         return data[offset : offset + length]
+
+    def replace(self, item: Item, values: Array) -> None:
+        """Puts decompressed values, (count, width), in the place of an accessor's. FormatError if they do not fit."""
+        shape = (item.integer("count", low=1), _WIDTHS.get(item.text("type")))
+        if values.shape != shape:
+            raise item.error("other elements in the compressed data", value=values.shape, expected=f"{shape}")
+        array: Array = np.ascontiguousarray(values, _component_type(item))
+        array.flags.writeable = False
+        self._arrays[item.index] = array
+        self._floats.pop(item.index, None)
 
     # --- arrays -------------------------------------------------------------------------------------------------------
 

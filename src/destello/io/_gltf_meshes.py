@@ -11,6 +11,7 @@ import destello.shapes as make
 from destello.errors import Error
 from destello.io._arrays import check_finite, check_indices, compacted, repaired_normals
 from destello.io._gltf_accessors import Buffers
+from destello.io._gltf_compression import DRACO, can_decode, decode_draco
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_materials import Materials
 from destello.nodes import Node
@@ -108,6 +109,7 @@ class Meshes:
             what = "points and lines are" if mode < _TRIANGLES else "a primitive without positions is"
             self._note(f"{item.place}: {what} not rendered")
             return None
+        self._decompress(item, attributes)
         positions = self._values(attributes, "POSITION", ("VEC3",))
         triangles = self._triangles(item, mode, len(positions))
         if len(triangles) == 0:
@@ -120,6 +122,29 @@ class Meshes:
         self._bend(primitive, pose)
         self._mend_normals(primitive)
         return primitive
+
+    def _decompress(self, item: Item, attributes: Item) -> None:
+        """Puts what is in a primitive's Draco data into its accessors."""
+        packed = item.extension(DRACO)
+        if packed is None or not can_decode(item, self.document, DRACO, "DracoPy"):
+            return
+        view = self.document.refer(packed, "bufferView", "bufferViews", required=True)
+        indices = self.document.refer(item, "indices", "accessors", required=True)
+        numbers = packed.item("attributes")
+        if numbers is None:
+            raise packed.error("missing", "attributes", expected="a JSON object")
+        assert view is not None
+        assert indices is not None
+        faces, attribute = decode_draco(packed, bytes(self._buffers.view(view)), indices.integer("count") // 3)
+        self._buffers.replace(indices, faces.reshape(-1, 1))
+        for key in numbers.data:
+            accessor = self.document.refer(attributes, key, "accessors")
+            values = attribute(numbers.integer(key))
+            if values is None:
+                raise numbers.error("no such attribute in the compressed data", key, value=numbers.data[key])
+            if accessor is not None:
+                self._buffers.replace(accessor, values.reshape(len(values), -1))
+                self._finite.discard(accessor.index)
 
     def _triangles(self, primitive: Item, mode: int, vertices: int) -> NDArray[np.uint32]:
         """(M, 3) vertex numbers, whatever the mode."""
@@ -174,6 +199,8 @@ class Meshes:
         data, attributes = primitive.data, primitive.attributes
         if "NORMAL" in attributes:
             data["normals"] = self._vectors(primitive, "NORMAL", ("VEC3",), finite=False)
+        if "TANGENT" in attributes:
+            data["tangents"] = self._vectors(primitive, "TANGENT", ("VEC4",))
         wanted = self._materials.uv_set(self._materials.of(primitive.item))
         key = f"TEXCOORD_{wanted or 0}"
         if key in attributes:
@@ -197,6 +224,8 @@ class Meshes:
     def _bend(self, primitive: _Primitive, pose: Pose) -> None:
         """Applies morph targets and skin to positions and normals."""
         data = primitive.data
+        if pose.joints is not None or any(pose.weights):
+            data.pop("tangents", None)  # those of the uvs bend with the triangles
         for target, weight in zip(primitive.item.items("targets"), pose.weights, strict=False):
             for key, name in (("POSITION", "positions"), ("NORMAL", "normals")):
                 if weight != 0 and key in target and name in data:

@@ -19,10 +19,12 @@ import destello.textures as make
 from destello.errors import Error
 from destello.images import read_texels, repaired
 from destello.io._gltf_accessors import Buffers, data_uri
+from destello.io._gltf_compression import can_decode
 from destello.io._gltf_json import Document, Item
 from destello.io._images import decode
 from destello.nodes import Node
 
+BASISU = "KHR_texture_basisu"
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _LONGEST_PATH = 1000
@@ -54,7 +56,9 @@ class Textures:
         source = self._source(image)
         settings = {**self._sampler(texture), **_uv_transform(info)}
         try:
-            return source.replace(color_space=color_space, name=self._name(texture, image), **settings)
+            return source.replace(
+                color_space=color_space, missing_channels="fill", name=self._name(texture, image), **settings
+            )
         except Error as error:
             raise error.within(info.place, file=info.file) from None
 
@@ -91,6 +95,9 @@ class Textures:
             raise error.within(image.at("uri"), file=image.file) from None
 
     def _image_of(self, texture: Item) -> Item | None:
+        basis = texture.extension(BASISU)
+        if basis is not None and "source" in basis and can_decode(texture, self.document, BASISU, "alktx2"):
+            return self.document.refer(basis, "source", "images")
         webp = texture.extension("EXT_texture_webp")
         if webp is not None and "source" in webp:
             return self.document.refer(webp, "source", "images")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from destello import ktx2
 from destello.errors import Error, FormatError
 from destello.images import read_texels
 
@@ -17,14 +18,19 @@ _ALWAYS = 1 << 28  # bytes of texels
 
 
 def decode(data: bytes, *, file: Path, place: str) -> NDArray[np.generic]:
-    """(height, width, 1 to 4) uint8 or uint16 texels, top row first, of a PNG, JPEG or WebP image; alpha unassociated.
+    """(height, width, 1 to 4) uint8 or uint16 texels, top row first, of a PNG, JPEG, WebP or KTX2 image.
 
     Raises FormatError, which names `file` and `place`.
     """
+    if data.startswith(ktx2.MAGIC):
+        try:
+            data = ktx2.to_png(data)
+        except Error as error:
+            raise error.within(place, file=file) from None
     suffix = next((suffix for magic, suffix in _SUFFIXES.items() if data.startswith(magic)), None)
     if suffix is None:
         raise FormatError(
-            "unknown kind of image", file=file, place=place, value=data[:12], expected="PNG, JPEG or WebP"
+            "unknown kind of image", file=file, place=place, value=data[:12], expected="PNG, JPEG, WebP or KTX2"
         )
     with tempfile.TemporaryDirectory(prefix="destello-") as folder:  # OpenImageIO's Python bindings read files only
         path = Path(folder, f"image{suffix}")

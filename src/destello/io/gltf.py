@@ -16,16 +16,17 @@ from destello.io import _gltf_container
 from destello.io._defaults import LoadOptions, ResolvedFiles, ensure_camera, ensure_light
 from destello.io._gltf_accessors import Buffers
 from destello.io._gltf_animation import Motions
+from destello.io._gltf_compression import COMPRESSIONS
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_materials import EXTENSIONS, Materials
 from destello.io._gltf_meshes import Meshes
 from destello.io._gltf_nodes import NODE_EXTENSIONS, Placer
-from destello.io._gltf_textures import Textures, relative_path
+from destello.io._gltf_textures import BASISU, Textures, relative_path
 from destello.io._gltf_variants import EXTENSION as VARIANTS
 from destello.io._gltf_variants import Variants
 from destello.scene import Scene
 
-_SUPPORTED = EXTENSIONS | NODE_EXTENSIONS | {"KHR_mesh_quantization", VARIANTS}
+_SUPPORTED = EXTENSIONS | NODE_EXTENSIONS | COMPRESSIONS | {"KHR_mesh_quantization", BASISU, VARIANTS}
 _HARMLESS = frozenset({"KHR_xmp", "KHR_xmp_json_ld", "KHR_animation_pointer"})  # nothing that a picture shows
 
 

@@ -1,0 +1,124 @@
+// What normal, bump and tangent maps make of a surface's shading frame.
+#pragma once
+
+#include "scene/surface.h"
+
+namespace destello {
+
+// How a surface lies in its texture coordinates: metres for a unit of u and of v. 0: unknown.
+struct UvMap {
+  Vec3 dpdu, dpdv;
+};
+
+DST_FN UvMap sphere_uv_map(Vec3 outward, float radius) {
+  const float sine = sqrtf(outward.x * outward.x + outward.z * outward.z);
+  if (sine == 0) return {};
+  const Vec3 along_v(-outward.y * outward.x / sine, sine, -outward.y * outward.z / sine);
+  return {sphere_tangent(outward) * (2 * kPi * radius), along_v * (kPi * radius)};
+}
+
+// (pbrt 4, section 6.5.4)
+DST_FN DST_COLD UvMap triangle_uv_map(const SceneView& scene, ObjectRecord object, uint32_t triangle,
+                                      TriangleVertices v) {
+  const Vec3 e1 = v.b - v.a, e2 = v.c - v.a;
+  if (object.first_uv == kNoIndex) return {e1, e2};
+  const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
+  const Vec2* t = scene.uvs + object.first_uv;
+  const Vec2 d1 = t[index[1]] - t[index[0]], d2 = t[index[2]] - t[index[0]];
+  const float inverse = 1.0f / (d1.x * d2.y - d1.y * d2.x);
+  const UvMap map{(e1 * d2.y - e2 * d1.y) * inverse, (e2 * d1.x - e1 * d2.x) * inverse};
+  return is_finite(map.dpdu) && is_finite(map.dpdv) ? map : UvMap{};
+}
+
+// At the point p (world space) that a ray has hit.
+DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p) {
+  const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
+  const bool instanced = hit.instance != Hit::kNone;
+  UvMap map;
+  if (prim.kind() == PrimitiveKind::Sphere) {
+    if (instanced) p = scene.geometry.instances[hit.instance].local_at(time).point(p);
+    map = sphere_uv_map(normalize(p - (prim.a + prim.c * time)), fabsf(prim.b.x));
+  } else {
+    map = triangle_uv_map(scene, scene.objects[prim.object], prim.primitive, triangle_at(scene.geometry, prim, time));
+  }
+  if (instanced) {
+    const Transform world = scene.geometry.instances[hit.instance].world_at(time);
+    map = {world.vector(map.dpdu), world.vector(map.dpdv)};
+  }
+  return map;
+}
+
+// Square metres of a unit square of uv; 0: unknown.
+DST_FN DST_COLD float uv_area(const SceneView& scene, Hit hit, float time, Vec3 p) {
+  const UvMap map = uv_map(scene, hit, time, p);
+  return length(cross(map.dpdu, map.dpdv));
+}
+
+// The normal of a surface that stands `height` metres above one with normal n: central differences over `step`
+// (MaterialRecord::bump_step), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
+// on the GPU").
+DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map, float step,
+                                   Vec3 n) {
+  const float lu = length(map.dpdu), lv = length(map.dpdv);
+  const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
+  const float det = dot(map.dpdu, across_v);
+  if (det == 0) return n;
+  const float du = step > 0 ? max(step, at.footprint) : -step / lu,
+              dv = step > 0 ? max(step, at.footprint) : -step / lv;
+  const auto height_at = [&](float u, float v) {
+    TextureContext c = at;
+    c.uv = {at.uv.x + u, at.uv.y + v};
+    c.position = at.position + map.dpdu * u + map.dpdv * v;
+    return eval_slot(height, c, scene.textures, true).x;
+  };
+  const float slope_u = (height_at(0.5f * du, 0) - height_at(-0.5f * du, 0)) / du;
+  const float slope_v = (height_at(0, 0.5f * dv) - height_at(0, -0.5f * dv)) / dv;
+  const Vec3 bumped = n - (across_v * slope_u + across_u * slope_v) * (1.0f / det);
+  return is_finite(bumped) ? normalize(bumped) : n;
+}
+
+// The normal that a glTF normal map turns `normal` to: x along the tangent, y along growing v, z along the normal.
+DST_FN Vec3 mapped_normal(const Frame& frame, bool mirrored, Vec3 sampled, float scale) {
+  const float up = mirrored ? -scale : scale;
+  const Vec3 n = frame.to_world({(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * up, 2 * sampled.z - 1});
+  return length_squared(n) > 0 ? normalize(n) : frame.z;
+}
+
+// Kept within 85 degrees of `side`.
+DST_FN Vec3 kept_above(Vec3 n, Vec3 side) {
+  constexpr float kLeast = 0.09f;
+  const float up = dot(n, side);
+  return up >= kLeast ? n : normalize(n + side * (kLeast - up));
+}
+
+// A shading frame on the outward side.
+struct DetailFrame {
+  Vec3 normal, tangent;  // the tangent of any length; 0: unknown
+};
+
+// What the maps of material m make of a surface whose side is told by the normal `side`. (Arguments by value, so that the
+// caller's stay in registers.)
+DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialRecord& m, Surface s, TextureContext at,
+                                         Hit hit, float time, Vec3 side) {
+  const Slot* slots = scene.textures.slots.data + m.surface_slot;
+  DetailFrame d{s.ns, s.tangent};
+  if (!slots[kBumpSlot].is_constant())
+    d.normal = bumped_normal(scene, slots[kBumpSlot], at, uv_map(scene, hit, time, s.p), m.bump_step, s.ns);
+  if (length_squared(s.tangent) > 0) {
+    Frame frame = Frame::from_zx(d.normal, s.tangent);
+    if (!slots[kNormalSlot].is_constant())
+      d.normal =
+          mapped_normal(frame, s.mirrored, eval_slot(slots[kNormalSlot], at, scene.textures, false), m.normal_scale);
+    const Vec3 along = eval_slot(slots[kTangentSlot], at, scene.textures, false);
+    const float degrees = eval_slot(slots[kRotationSlot], at, scene.textures, true).x;
+    const float x = 2 * along.x - 1, y = (2 * along.y - 1) * (s.mirrored ? -1.0f : 1.0f);
+    const float turns = degrees * (1.0f / 360.0f);
+    const SinCos t = sincos_turns(turns - floorf(turns));
+    const Vec3 turned = frame.x * (x * t.cos - y * t.sin) + frame.y * (x * t.sin + y * t.cos);
+    if (length_squared(turned) > 0) d.tangent = turned;
+  }
+  d.normal = kept_above(d.normal, side);
+  return d;
+}
+
+}  // namespace destello

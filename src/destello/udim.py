@@ -1,0 +1,94 @@
+"""Textures in tiles (UDIM): `<UDIM>` in a file name stands for 1001 + column + 10 row, one file a unit square of uv."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from destello.errors import FormatError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from destello.assets import Assets
+
+MARK = "<UDIM>"
+_FIRST, _COLUMNS, _MOST = 1001, 10, 1000
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """The tiles of one texture.
+
+    Attributes:
+        columns, rows: of the rectangle from u = v = 0 on that holds all of them.
+        texels: of each, row by row; None: there is no such file.
+        missing: the numbers of those.
+    """
+
+    columns: int
+    rows: int
+    texels: tuple[NDArray[Any] | None, ...]
+    missing: tuple[int, ...]
+
+
+def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
+    """All tiles that are there; None, as for any missing file, if there are none.
+
+    Tiles may differ in resolution, but neither in proportions nor in channels nor in their type of number: FormatError,
+    which names the tile.
+    """
+    found: dict[int, NDArray[Any]] = {}
+    first = ""
+    for number in _numbers(assets, path):
+        name = path.replace(MARK, str(number))
+        read = assets.texels(name, place)
+        if read is None:
+            continue
+        texels = read[1]
+        if found:
+            _check_alike(found[min(found)], first, texels, name, place)
+        else:
+            first = name
+        found[number] = texels
+    if not found:
+        assets.files.find(path, place)  # counts as missing
+        return None
+    at = [((number - _FIRST) % _COLUMNS, (number - _FIRST) // _COLUMNS) for number in found]
+    columns, rows = (1 + max(place_) for place_ in zip(*at, strict=True))
+    numbers = [_FIRST + column + _COLUMNS * row for row in range(rows) for column in range(columns)]
+    missing = tuple(number for number in numbers if number not in found)
+    return Tiles(columns, rows, tuple(found.get(number) for number in numbers), missing)
+
+
+def _numbers(assets: Assets, path: str) -> list[int]:
+    """The numbers of the files beside each other that could be tiles."""
+    name = PurePosixPath(path.replace("\\", "/")).name
+    head, _, tail = name.partition(MARK)
+    folder = (assets.files.base.resolve() / path).parent
+    pattern = re.compile(rf"{re.escape(head)}(\d{{4}}){re.escape(tail)}")
+    try:
+        matches = [pattern.fullmatch(entry.name) for entry in folder.iterdir()]
+    except OSError:
+        return []
+    numbers = sorted(int(match[1]) for match in matches if match)
+    return [number for number in numbers if _FIRST <= number < _FIRST + _COLUMNS * _MOST]
+
+
+def _check_alike(first: NDArray[Any], first_name: str, texels: NDArray[Any], name: str, place: str) -> None:
+    if texels.dtype != first.dtype or texels.shape[2] != first.shape[2]:
+        raise FormatError(
+            "a tile of another kind",
+            place=place,
+            value=f"{name}: {texels.shape[2]} channels of {texels.dtype}",
+            expected=f"{first.shape[2]} of {first.dtype}, as {first_name} has",
+        )
+    if texels.shape[0] * first.shape[1] != texels.shape[1] * first.shape[0]:
+        raise FormatError(
+            "a tile of other proportions",
+            place=place,
+            value=f"{name}: {texels.shape[1]} x {texels.shape[0]}",
+            expected=f"those of {first_name}, {first.shape[1]} x {first.shape[0]}",
+        )
