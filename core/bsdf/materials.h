@@ -13,12 +13,13 @@
 #include "bsdf/interface.h"
 #include "bsdf/metallic_roughness.h"
 #include "bsdf/mix.h"
+#include "bsdf/openpbr/openpbr.h"
 
 namespace destello {
 
 using CommonMaterials =
     TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, MetallicRoughness, Emissive, Interface, Mix>;
-using Materials = Append<CommonMaterials>;
+using Materials = Append<CommonMaterials, OpenPbr>;
 
 // What the kernels of a scene dispatch over. simple: SceneView::simple.
 template <bool simple>

@@ -83,6 +83,12 @@ def test_quaternions_of_all_kinds_of_rotation(rng: np.random.Generator) -> None:
         assert np.abs(again @ q) == pytest.approx(1, abs=1e-12)
 
 
+def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"destello\[viewer\]"):
+        dl.view("cornell")
+
+
 # --- size of the picture ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("cost", [1e-5, 1e-6, 1e-7, 1e-9])  # seconds a sample
 def test_frames_come_quickly_while_moving_and_fine_at_rest(cost: float) -> None:

@@ -12,7 +12,7 @@ from destello.viewer.camera import quaternion
 from destello.viewer.controls import changed, controls
 from destello.viewer.document import replace_material
 from destello.viewer.placement import Pose, can_move, moved, pose_of
-from destello.viewer.widgets import Widgets, listen
+from destello.viewer.widgets import Widgets, clicked, listen
 
 if TYPE_CHECKING:
     from destello.scene import Scene
@@ -104,8 +104,18 @@ class ObjectPanel:
             self._gui.add_markdown(f"It stays where it is: {problem}.")
         if shape.type != "instance" and isinstance(shape["material"], Node):
             self._material = MaterialWidgets(self._page, shape["material"])
-        elif shape.type == "instance":
+        elif shape.type != "instance":
+            which = "those of its file" if shape.type == "mesh_file" else "grey"
+            give = self._gui.add_button("Give it a material", hint=f"it has none of its own: {which}")
+            clicked(give, self._page.post, self._give_material)
+        else:
             self._gui.add_markdown(f"An instance of the group **{shape['group']}**, whose shapes have the materials.")
+
+    def _give_material(self) -> None:
+        number, shape = self._session.selected, self.shape
+        if number is not None and shape is not None:
+            new = shape.replace(material=Node("material", "diffuse"))
+            self._page.edit("give it a material", lambda scene: scene.shapes.__setitem__(number, new))
 
     def _draw_place(self) -> None:
         assert self._pose is not None
