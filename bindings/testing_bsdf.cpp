@@ -12,6 +12,7 @@
 #include "bindings/testing_support.h"
 #include "bsdf/horizon.h"
 #include "bsdf/materials.h"
+#include "bsdf/openpbr/interior.h"
 #include "bsdf/spectrum.h"
 
 namespace nb = nanobind;
@@ -158,6 +159,32 @@ void register_optics(nb::module_& m) {
         return nb::make_tuple(f.reflectance, f.cos_t);
       },
       nb::arg("cos_i"), nb::arg("eta"), nb::arg("schlick") = false, "Reflectance and cosine of the refracted ray.");
+  m.def(
+      "openpbr_albedos",
+      [](float cosine, float roughness, float eta) {
+        nb::dict d;
+        d["reflected"] = openpbr::reflected(cosine, roughness, max(eta, 1.0f));
+        d["lost"] = openpbr::lost(cosine, roughness, eta);
+        d["facets_lose"] = openpbr::facets_lose(cosine, roughness);
+        d["fuzz"] = min(openpbr::fuzz_albedo(cosine, roughness), 1.0f);
+        return d;
+      },
+      nb::arg("cosine"), nb::arg("roughness"), nb::arg("eta"), "OpenPBR's tables of single scattering.");
+  m.def(
+      "openpbr_interior",
+      [](const nb::dict& values) {
+        const OpenPbr material = from_params<OpenPbr>(values);
+        OpenPbr below = material;
+        below.prepare({false, 1.0f, 0.0f});
+        const openpbr::InteriorMedium medium = openpbr::interior_medium(material);
+        nb::dict d;
+        d["scattering"] = nb::make_tuple(medium.scattering.x, medium.scattering.y, medium.scattering.z);
+        d["absorption"] = nb::make_tuple(medium.absorption.x, medium.absorption.y, medium.absorption.z);
+        d["anisotropy"] = medium.anisotropy, d["held"] = average(below.layers.base.held);
+        return d;
+      },
+      nb::arg("params"),
+      "The medium inside an OpenPBR surface, and what its boundary holds back of light from inside.");
   m.def("fresnel_conductor", [](float cos_i, float eta, float k) { return fresnel_conductor(cos_i, eta, k); });
 }
 

@@ -49,10 +49,46 @@ BY_HAND: dict[str, list[dict[str, Any]]] = {
         {"metallic": 0.0, "roughness": 0.0, "transmission": 1.0, "ior": 2.0},
         {"metallic": 0.0, "roughness": 0.6, "specular": 0.5, "specular_color": (3.0, 1.0, 0.2)},
     ],
+    "openpbr": [
+        {"base_metalness": 1.0, "specular_roughness": 0.5, "specular_color": (0.9, 0.6, 0.3)},
+        {"base_metalness": 1.0, "specular_roughness": 0.4, "specular_roughness_anisotropy": 0.7},
+        *(
+            {"transmission_weight": 1.0, "specular_roughness": r, "inside": i}
+            for r in (0.0, 0.4)
+            for i in (False, True)
+        ),
+        {
+            "transmission_weight": 0.7,
+            "subsurface_weight": 0.5,
+            "specular_roughness": 0.6,
+            "base_diffuse_roughness": 0.5,
+        },
+        {"transmission_weight": 0.7, "subsurface_weight": 0.5, "base_metalness": 0.2, "inside": True},
+        {"transmission_weight": 0.6, "specular_ior": 1.2, "outside_ior": 1.5, "subsurface_weight": 0.5},
+        {"transmission_weight": 0.5, "geometry_thin_walled": True, "transmission_color": (0.9, 0.5, 0.2)},
+        {"subsurface_weight": 1.0, "geometry_thin_walled": True, "subsurface_scatter_anisotropy": 0.4},
+        {"subsurface_weight": 1.0},
+        {"subsurface_weight": 1.0, "inside": True},
+        {"thin_film_weight": 1.0, "base_metalness": 0.5, "specular_roughness": 0.2},
+        {"thin_film_weight": 1.0, "transmission_weight": 1.0, "inside": True},
+        {"coat_weight": 1.0, "coat_roughness": 0.2, "coat_color": (0.9, 0.5, 0.2), "base_color": (0.8, 0.2, 0.1)},
+        {"coat_weight": 0.7, "coat_roughness_anisotropy": 0.5, "coat_roughness": 0.4, "base_metalness": 1.0},
+        {"fuzz_weight": 1.0, "fuzz_color": (0.3, 0.5, 0.9), "fuzz_roughness": 0.3},
+        {"transmission_weight": 1.0, "transmission_dispersion_scale": 1.0, "wavelength": 430.0},
+    ],
 }
 
 NOT_RECIPROCAL = {"fuzzy_metal"}
 """Models that are defined by how they sample; see their headers."""
+
+LAYERS = ("coat_weight", "fuzz_weight")
+"""OpenPBR's layers on top scale what lies below by wo alone: with them it is not reciprocal."""
+
+
+def is_reciprocal(case: Case) -> bool:
+    """Does the material claim to be reciprocal, with radiance's eta^2?"""
+    return case.type not in NOT_RECIPROCAL and not any(case.params.get(name, 0) > 0 for name in LAYERS)
+
 
 OUTGOING = [(1.0, 0.0), (0.85, 0.11), (0.45, 0.42), (0.07, 0.8)]
 """Directions of view: cosine of the polar angle, azimuth in turns."""

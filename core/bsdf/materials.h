@@ -13,12 +13,13 @@
 #include "bsdf/interface.h"
 #include "bsdf/metallic_roughness.h"
 #include "bsdf/mix.h"
+#include "bsdf/openpbr/openpbr.h"
 
 namespace destello {
 
 using PlainMaterials = TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, Emissive>;
 using CommonMaterials = Append<PlainMaterials, MetallicRoughness, Interface, Mix>;
-using Materials = Append<CommonMaterials>;
+using Materials = Append<CommonMaterials, OpenPbr>;
 
 // What the kernels of a scene dispatch over. simple: SceneView::simple.
 template <bool simple>

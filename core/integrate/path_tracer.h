@@ -201,7 +201,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->alive = false;
     return;
   }
-  if (scene.textures.has_mips) context.footprint = ray_footprint(scene, settings, *path, s, hit);
+  if (Tracer::kTextured && scene.textures.has_mips) context.footprint = ray_footprint(scene, settings, *path, s, hit);
   ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m, hit, context);
   if (outside != kNoIndex) point.context.outside_ior = scene.interiors[outside].ior;
   scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs, numbers);

@@ -1,5 +1,5 @@
 #include "scene/scene.h"
-#include "scene/material_queries.h"
+#include "scene/openpbr_surface.h"
 
 #include <algorithm>
 #include <cmath>
@@ -131,7 +131,8 @@ void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vecto
   in.priority = surface_value(surface, "priority").x;
   in.ior = dispatch(Materials{}, material->type, MaterialIor{slots.data()});
   const bool interface = material->type == index_of<Interface>(Materials{});
-  if (material->type != index_of<Dielectric>(Materials{}) && !interface && in.medium.is_vacuum()) return;
+  const bool layered = material->type == index_of<OpenPbr>(Materials{}) && openpbr_interior(slots, &in);
+  if (material->type != index_of<Dielectric>(Materials{}) && !interface && !layered && in.medium.is_vacuum()) return;
   auto& interiors = scene_->arrays_.interiors;
   if (interiors.size() >= 65535) fail("more than 65535 materials with an inside (dielectrics, media)");
   material->interior = static_cast<uint32_t>(interiors.size());
@@ -155,7 +156,8 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
     power = slots[1].value.x;
     two_sided = slots[2].value.x != 0;
   }
-  const Slot& opacity = surface_slot(surface, "opacity");
+  Slot opacity = surface_slot(surface, "opacity");
+  if (type == index_of<OpenPbr>(Materials{})) adopt_openpbr_surface(slots, &emission, &opacity);
   const Slot& normal_map = surface_slot(surface, "normal_map");
   const Slot& bump = surface_slot(surface, "bump");
   const Slot& tangent = surface_slot(surface, "tangent_map");

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "detailed", "a large tree"]
+SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "detailed", "layered", "a large tree"]
 
 
 def opaque() -> dl.Scene:
@@ -90,6 +90,40 @@ def everything() -> dl.Scene:
     return s
 
 
+def layered() -> dl.Scene:
+    """Every part of OpenPBR, on spheres in a row."""
+    s = dl.Scene(name="layered")
+    s.film.width, s.film.height = 160, 60
+    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=28)
+    floor = dl.materials.diffuse(reflectance=dl.textures.checker(even=(0.8, 0.8, 0.8), odd=(0.2, 0.2, 0.3), scale=0.5))
+    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=floor))
+    looks: list[dict[str, Any]] = [
+        {
+            "base_color": (0.7, 0.2, 0.1),
+            "base_diffuse_roughness": 0.6,
+            "coat_weight": 1.0,
+            "coat_color": (0.9, 0.7, 0.5),
+        },
+        {"base_metalness": 1.0, "specular_roughness_anisotropy": 0.6, "thin_film_weight": 0.8},
+        {"transmission_weight": 1.0, "specular_roughness": 0.1, "transmission_color": (0.5, 0.9, 0.6)}
+        | {"transmission_depth": 1.0, "transmission_scatter": (0.2, 0.1, 0.1), "transmission_dispersion_scale": 0.5},
+        {"subsurface_weight": 1.0, "subsurface_radius": 0.2, "subsurface_color": (0.9, 0.6, 0.4)},
+        {
+            "fuzz_weight": 0.8,
+            "fuzz_color": (0.4, 0.5, 0.9),
+            "emission_luminance": 50.0,
+            "emission_color": (0.2, 0.1, 0.3),
+        },
+        {"geometry_thin_walled": True, "transmission_weight": 0.5, "subsurface_weight": 0.5, "geometry_opacity": 0.8},
+    ]
+    for i, look in enumerate(looks):
+        material = dl.materials.openpbr(**look)
+        s.add(dl.shapes.sphere(center=(1.4 * i - 3.5, 0.6, 0), radius=0.6, material=material))
+    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
+    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    return s
+
+
 def large() -> dl.Scene:
     """A tree in which the queue kernel keeps rays over turns, shadow rays too."""
     return scenes.build("interior", 0.05)
@@ -99,6 +133,7 @@ MADE = {
     "textures and media": everything,
     "normal maps and mixtures": opaque,
     "detailed": detailed,
+    "layered": layered,
     "a large tree": large,
 }
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bsdf_cases import CASES, IDS, NOT_RECIPROCAL, OUTGOING, Case, direction
+from bsdf_cases import CASES, IDS, OUTGOING, Case, direction, is_reciprocal
 from destello._core import testing
 from stats import assert_mean, chi2_directions, z_threshold
 
 every_case = pytest.mark.parametrize("case", CASES, ids=IDS)
-RECIPROCAL = [c for c in CASES if c.type not in NOT_RECIPROCAL]
+RECIPROCAL = [c for c in CASES if is_reciprocal(c)]
 every_view = pytest.mark.parametrize("view", OUTGOING, ids=[f"cos={c}" for c, _ in OUTGOING])
 
 

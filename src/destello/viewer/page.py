@@ -38,8 +38,6 @@ class Page:
         self.lights = LightsPanel(self, tabs)
         self.save = SavePanel(self, tabs)
         self._panels = [self.view, self.object, self.lights, self.save]
-        if self.session.view.width < self.session.view.height:
-            gui.main_panel.minimize()  # on a phone the panel would hide the picture
         self.session.on_status = self.view.say
         self.app.on_change.append(self.refresh)
         client.camera.on_update(self._camera_moved)

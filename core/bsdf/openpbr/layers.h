@@ -1,0 +1,243 @@
+// OpenPBR's stack: fuzz over coat over base; its evaluation and sampling.
+#pragma once
+
+#include "bsdf/openpbr/base.h"
+#include "bsdf/openpbr/fuzz.h"
+
+namespace destello::openpbr {
+
+// A layer on top takes what it reflects from the light that those below get, of the direction wo alone (albedo scaling):
+// no light is lost, but with a coat or fuzz the sum is not reciprocal. From inside neither is there, but for the coat's
+// colour.
+struct Layers {
+  Base base;
+  Fuzz fuzz;
+  float coat = 0;  // coverage
+  Ggx coat_ggx;
+  float coat_eta = 1.6f;  // index of the coat over that of what is above it
+  Vec3 coat_color{1};
+  float darkening = 1;
+  // For the darkening, by `finish`.
+  float coat_reflects = 1;  // >= 1: the coat's ratio, whichever way
+  float rough_held = 0;     // share of diffuse light that the coat sends back down
+  float base_roughness = 1;
+  Vec3 base_albedo{1};
+
+  DST_HD void finish() {
+    base.finish();
+    if (!(coat > 0) || base.inside) return;
+    coat_reflects = max(coat_eta, 1.0f / coat_eta);
+    rough_held = 1.0f - (1.0f - reflected_mean(0, coat_reflects)) / sqr(coat_reflects);
+    const float f0 = normal_reflectance(base.gloss_eta), r = mean_roughness(base.ggx);
+    base_roughness = lerp(lerp(1.0f, r, f0), r, base.metal);
+    // What passes a glass base is as good as reflected: the coat's inner reflections do not darken it.
+    const Vec3 opaque =
+        base.diffuse > 0 || base.below > 0 ? base.color * base.diffuse + base.below_color * base.below : Vec3(0);
+    base_albedo = base.metal_fresnel.at(1) * base.metal + Vec3(f0 * (base.diffuse + base.below)) +
+                  opaque * (1.0f - f0) + Vec3(base.through);
+  }
+  DST_HD bool only_delta() const {
+    return base.only_delta() && (base.inside || (fuzz.weight <= 0 && (coat <= 0 || coat_ggx.smooth())));
+  }
+
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? Vec3(0) : eval(wo, wi, view(wo)); }
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? 0.0f : pdf(wo, wi, lobes(view(wo))); }
+  DST_HD DST_COLD BsdfSample sample(Vec3 wo, float u_lobe, Vec2 u) const {
+    const View v = view(wo);
+    const Lobes p = lobes(v);
+    if (p.fuzz + p.coat + p.facet + p.up + p.down <= 0) return {};
+    Vec3 wi;
+    if ((u_lobe -= p.fuzz) < 0) {
+      wi = Fuzz::sample(u);
+    } else if ((u_lobe -= p.coat) < 0) {
+      if (coat_ggx.smooth()) {
+        const Vec3 f(fresnel_dielectric(wo.z, coat_reflects).reflectance * coat * v.through_fuzz);
+        return {{-wo.x, -wo.y, wo.z}, f / p.coat, 1, kReflection | kDelta};
+      }
+      wi = normalize(reflect(wo, coat_ggx.sample_visible(wo, u)));
+      if (wi.z <= 0) return {};
+    } else if ((u_lobe -= p.facet) < 0) {
+      return sample_facet(wo, v, p, u_lobe / p.facet + 1.0f, u);
+    } else {
+      wi = square_to_cosine_hemisphere(u);
+      if (u_lobe >= p.up) wi.z = -wi.z;
+    }
+    return finish_sample(wo, wi, v, p);
+  }
+
+ private:
+  // What there is to know of wo.
+  struct View {
+    Base::View base;
+    Fuzz::View fuzz;
+    float through_fuzz = 1;  // what the fuzz leaves to what is below
+    float coat_albedo = 0;
+    Vec3 dark{1};  // factor of the base under the coat
+  };
+  DST_HD DST_COLD View view(Vec3 wo) const {
+    View v;
+    v.base = base.view(wo);
+    if (base.inside) return v;
+    v.fuzz = fuzz.view(wo.z);
+    v.through_fuzz = 1.0f - fuzz.weight * v.fuzz.albedo;
+    if (!(coat > 0)) return v;
+    const float r = mean_roughness(coat_ggx);
+    v.coat_albedo =
+        coat_ggx.smooth() ? fresnel_dielectric(wo.z, coat_reflects).reflectance : reflected(wo.z, r, coat_reflects);
+    const float held = lerp(fresnel_dielectric(wo.z, coat_reflects).reflectance, rough_held, base_roughness);
+    const Vec3 d = Vec3(1.0f - held) / (Vec3(1) - base_albedo * held);
+    v.dark = lerp(Vec3(1), d, coat * darkening);
+    return v;
+  }
+  // What the layers above leave of the base's light between wo and wi.
+  DST_HD Vec3 above_base(Vec3 wo, Vec3 wi, const View& v) const {
+    if (coat <= 0) return Vec3(v.through_fuzz);
+    if (base.inside) return wi.z > 0 ? Vec3(1) : lerp(Vec3(1), absorbed(inverse_cosine(wi.z)), coat);
+    const float way = inverse_cosine(wo.z) + (wi.z > 0 || base.thin ? inverse_cosine(wi.z) : 0.0f);
+    return lerp(Vec3(1), absorbed(way) * (1.0f - v.coat_albedo), coat) * v.dark * v.through_fuzz;
+  }
+  // Of a direction refracted into the coat.
+  DST_HD float inverse_cosine(float z) const { return 1.0f / sqrtf(max(1.0f - (1.0f - z * z) / sqr(coat_eta), 1e-4f)); }
+  // coat_color is what is left after two ways straight through.
+  DST_HD Vec3 absorbed(float way) const {
+    const float x = 0.5f * way;
+    return {powf(coat_color.x, x), powf(coat_color.y, x), powf(coat_color.z, x)};
+  }
+
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi, const View& v) const {
+    Vec3 f = base.spread(wo, wi, v.base, base.view(wi));
+    f += wi.z > 0 ? facet_reflects(wo, wi) : facet_passes(wo, wi);
+    f = f * above_base(wo, wi, v);
+    if (base.inside || wi.z < 0) return f;
+    if (coat > 0 && !coat_ggx.smooth()) {
+      const Vec3 h = normalize(wo + wi);
+      f += Vec3(fresnel_dielectric(dot(wo, h), coat_reflects).reflectance * coat_ggx.d(h) *
+                coat_ggx.g2_over_4cos2(wo, wi) * wi.z * coat * v.through_fuzz);
+    }
+    if (fuzz.weight > 0) f += fuzz.eval(wo, wi, v.fuzz) * fuzz.weight;
+    return f;
+  }
+  // --- facets ---
+
+  DST_HD Vec3 facet_reflects(Vec3 wo, Vec3 wi) const {
+    if (base.smooth()) return Vec3(0);
+    const Vec3 h = normalize(wo + wi);
+    return base.facet(dot(wo, h)).up * (base.ggx.d(h) * base.ggx.g2_over_4cos2(wo, wi) * wi.z);
+  }
+  DST_HD Vec3 facet_passes(Vec3 wo, Vec3 wi) const {
+    if (base.through <= 0 || base.passes_delta()) return Vec3(0);
+    Meeting m;
+    if (!meet(wo, wi, &m)) return Vec3(0);
+    const float common = base.ggx.d(m.h) * base.ggx.g2_over_4cos2(wo, wi) * -wi.z;
+    const Vec3 f = base.facet(m.cos_o).down * common;
+    // Refraction: Walter et al. 2007, with 1 / eta^2 for radiance
+    return base.thin ? f : f * (4.0f * m.cos_o * m.cos_i / sqr(m.cos_o - base.eta * m.cos_i));
+  }
+  // The facet that takes wo to a wi below: its normal, cosines to wo and, without sign, to wi.
+  struct Meeting {
+    Vec3 h;
+    float cos_o, cos_i;
+  };
+  DST_HD bool meet(Vec3 wo, Vec3 wi, Meeting* m) const {
+    if (base.thin) {
+      m->h = normalize(wo + Vec3(wi.x, wi.y, -wi.z));
+      m->cos_o = m->cos_i = dot(wo, m->h);
+      return m->cos_o > 0;
+    }
+    const Vec3 g = wo + wi * base.eta;
+    m->h = g * (copysignf(1.0f, g.z) / length(g));
+    m->cos_o = dot(wo, m->h);
+    m->cos_i = -dot(wi, m->h);
+    return m->h.z > 0 && m->cos_i > 0 && m->cos_o > 0;
+  }
+  // Density of refracted over density of reflected directions for the same density of normals.
+  DST_HD float jacobian(float cos_o, float cos_i) const {
+    return base.thin ? 1.0f : 4.0f * cos_o * cos_i * sqr(base.eta / (cos_o - base.eta * cos_i));
+  }
+
+  // Probabilities of the lobes: their estimated shares of the light.
+  struct Lobes {
+    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0;
+  };
+  DST_HD DST_COLD Lobes lobes(const View& v) const {
+    Lobes p;
+    float rest = 1;
+    if (!base.inside) {
+      p.fuzz = fuzz.weight * v.fuzz.albedo * max(average(fuzz.color), 0.02f);
+      p.coat = coat * v.coat_albedo * v.through_fuzz;
+      rest =
+          max(v.through_fuzz * lerp(1.0f, average(coat_color) * (1.0f - v.coat_albedo), coat) * average(v.dark), 0.02f);
+    }
+    const float left = average(v.base.left), gloss = 1.0f - left;
+    const float opaque = base.diffuse + base.below;
+    const float back = base.thin ? base.below_back : base.inside ? average(base.held) : 1.0f - base.enter;
+    const float specular = max(average(base.specular_color), 0.02f), passed = max(average(base.tint), 0.02f);
+    const float metal = base.metal * max(average(base.metal_fresnel.mean()), 0.02f);
+    float facet = metal * (1 - v.base.metal_lost) + base.through * (1 - v.base.near) * passed;
+    if (!base.inside) facet += opaque * max(gloss, 0.01f) * specular;
+    const float kept = base.inside ? 1.0f : left;
+    const float up = base.diffuse * kept * max(average(base.color), 0.02f) + metal * v.base.metal_lost +
+                     base.through * v.base.near * base.back_share * specular + base.below * kept * max(back, 0.02f);
+    float down = base.through * v.base.near * base.through_share * passed;
+    down += base.below * kept * max(1.0f - back, base.thin ? 0.02f : 0.0f);
+    p.facet = facet * rest, p.up = up * rest, p.down = down * rest;
+    const float sum = p.fuzz + p.coat + p.facet + p.up + p.down;
+    const float scale = sum > 0 ? 1.0f / sum : 0.0f;
+    return {p.fuzz * scale, p.coat * scale, p.facet * scale, p.up * scale, p.down * scale};
+  }
+  // Of the facet lobe, the share that is reflected at this cosine.
+  DST_HD static float reflects(const Base::Facet& f) {
+    const float a = average(f.up), b = average(f.down);
+    return a + b > 0 ? a / (a + b) : 1.0f;
+  }
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi, const Lobes& p) const {
+    const float even = fabsf(wi.z) * kInvPi;
+    if (wi.z < 0) {
+      float d = p.down * even;
+      Meeting m;
+      if (base.through > 0 && !base.passes_delta() && meet(wo, wi, &m))
+        d += p.facet * (1.0f - reflects(base.facet(m.cos_o))) * base.ggx.reflected_pdf(wo, m.h) *
+             jacobian(m.cos_o, m.cos_i);
+      return d;
+    }
+    float d = p.up * even + p.fuzz * Fuzz::pdf();
+    const Vec3 h = normalize(wo + wi);
+    if (p.coat > 0 && !coat_ggx.smooth()) d += p.coat * coat_ggx.reflected_pdf(wo, h);
+    if (!base.smooth()) d += p.facet * reflects(base.facet(dot(wo, h))) * base.ggx.reflected_pdf(wo, h);
+    return d;
+  }
+  DST_HD BsdfSample finish_sample(Vec3 wo, Vec3 wi, const View& v, const Lobes& p) const {
+    if (wi.z == 0) return {};
+    const float density = pdf(wo, wi, p);
+    if (!(density > 0)) return {};
+    const bool up = wi.z > 0;
+    return {wi, eval(wo, wi, v) / density, density, up ? kReflection : kTransmission,
+            up || base.thin ? 1.0f : base.eta};
+  }
+  // u_lobe, in [0, 1), decides between reflection and passing by their shares at the facet.
+  DST_HD DST_COLD BsdfSample sample_facet(Vec3 wo, const View& v, const Lobes& p, float u_lobe, Vec2 u) const {
+    const Vec3 h = base.smooth() ? Vec3(0, 0, 1) : base.ggx.sample_visible(wo, u);
+    const float c = dot(wo, h);
+    if (c <= 0) return {};
+    const Base::Facet f = base.facet(c);
+    const float q = reflects(f);
+    if (u_lobe < q) {
+      const Vec3 wi = base.smooth() ? Vec3(-wo.x, -wo.y, wo.z) : normalize(reflect(wo, h));
+      if (wi.z <= 0) return {};
+      if (!base.smooth()) return finish_sample(wo, wi, v, p);
+      return {wi, f.up * above_base(wo, wi, v) / (p.facet * q), 1, kReflection | kDelta};
+    }
+    const float cos_t = fresnel_dielectric(c, base.eta).cos_t;
+    Vec3 wi = base.thin         ? reflect(wo, h) * Vec3(1, 1, -1)
+              : base.straight() ? -wo
+                                : h * (c / base.eta - cos_t) - wo * (1.0f / base.eta);
+    wi = normalize(wi);
+    if (wi.z >= 0) return {};
+    if (!base.passes_delta()) return finish_sample(wo, wi, v, p);
+    const float eta = base.thin ? 1.0f : base.eta;
+    const Vec3 weight = f.down * above_base(wo, wi, v) / (p.facet * (1.0f - q) * eta * eta);
+    return {wi, weight, 1, kTransmission | kDelta, eta};
+  }
+};
+
+}  // namespace destello::openpbr

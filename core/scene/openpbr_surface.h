@@ -1,0 +1,70 @@
+// What the scene takes from an OpenPBR material beside its BSDF: emission, opacity and interior. Host only.
+#pragma once
+
+#include "bsdf/openpbr/interior.h"
+#include "scene/material_queries.h"
+
+namespace destello {
+
+// Luminous efficacy that turns nits into W/(sr m^2), lm/W: 1 W of each of red, green and blue counts as much as 1 W of green
+// light of 555 nm, as in glTF exporters and Blender.
+inline constexpr float kLumensPerWatt = 683;
+
+inline const Slot& openpbr_slot(const std::vector<Slot>& slots, std::string_view name) {
+  for (size_t i = 0; i < OpenPbr::params.size(); ++i)
+    if (name == OpenPbr::params[i].name) return slots[i];
+  throw std::invalid_argument("no OpenPBR parameter " + std::string(name));
+}
+
+// The material with each parameter's constant; where there is a texture too, its greatest value.
+template <size_t... I>
+OpenPbr openpbr_constants(const std::vector<Slot>& slots, std::index_sequence<I...>) {
+  OpenPbr m;
+  (set_param<OpenPbr, I>(m, slots[I].value), ...);
+  return m;
+}
+inline OpenPbr openpbr_constants(const std::vector<Slot>& slots) {
+  return openpbr_constants(slots, std::make_index_sequence<OpenPbr::params.size()>{});
+}
+
+// emission_* and geometry_opacity stand for what every surface has; both at once would be one too many.
+inline void adopt_openpbr_surface(const std::vector<Slot>& slots, Slot* emission, Slot* opacity) {
+  const float luminance = openpbr_slot(slots, "emission_luminance").value.x;
+  if (luminance > 0) {
+    if (!is_black(emission->value)) throw std::invalid_argument("emission: expected 0 beside emission_luminance");
+    *emission = openpbr_slot(slots, "emission_color");
+    emission->value *= luminance / kLumensPerWatt;
+  }
+  const Slot& own = openpbr_slot(slots, "geometry_opacity");
+  if (own.is_constant() && own.value.x >= 1) return;
+  if (!opacity->is_constant() || opacity->value.x < 1)
+    throw std::invalid_argument("opacity: expected 1 beside geometry_opacity");
+  *opacity = own;
+}
+
+// True, and the interior's index and medium, if the material has an inside.
+inline bool openpbr_interior(const std::vector<Slot>& slots, Interior* interior) {
+  const OpenPbr m = openpbr_constants(slots);
+  if (!m.has_inside()) return false;
+  const auto expect_constant = [&](const char* name, const char* otherwise) {
+    if (!openpbr_slot(slots, name).is_constant())
+      throw std::invalid_argument(std::string(name) +
+                                  ": expected a constant, as it belongs to the medium inside (textures: " + otherwise +
+                                  ")");
+  };
+  if (m.transmission_weight > 0 && m.transmission_depth > 0)
+    expect_constant("transmission_color", "transmission_depth 0");
+  if (m.subsurface_weight > 0) expect_constant("subsurface_color", "geometry_thin_walled");
+  interior->ior = m.specular_ior;
+  const openpbr::InteriorMedium medium = openpbr::interior_medium(m);
+  if (is_black(medium.scattering) && is_black(medium.absorption)) return true;
+  if (!interior->medium.is_vacuum())
+    throw std::invalid_argument("medium_density, medium_absorption: expected 0 beside OpenPBR's own medium");
+  interior->medium.density = medium.scattering;
+  interior->medium.albedo = Vec3(1);
+  interior->medium.absorption = medium.absorption;
+  interior->medium.phase.g = medium.anisotropy;
+  return true;
+}
+
+}  // namespace destello

@@ -1,0 +1,292 @@
+"""OpenPBR over random parameters: energy, reciprocity, samples against densities; tables, films and peers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from bsdf_cases import Case, direction
+from destello._core import testing
+from mitsuba_scenes import mitsuba
+from stats import assert_mean
+
+Floats = NDArray[np.float64]
+
+U = qmc.Sobol(3, rng=7).random(4096).astype(np.float32).clip(0, 1 - 2**-24)
+WHITE = dict.fromkeys(("base_color", "subsurface_color"), 1.0)
+DRAWS = settings(max_examples=1000, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+"""A thousand draws for each property, the same ones in every run."""
+
+unit = st.floats(0, 1)
+share = st.one_of(st.sampled_from([0.0, 1.0]), unit)
+index = st.floats(1, 3)
+colour = st.tuples(unit, unit, unit)
+
+BASE = {
+    "base_metalness": share,
+    "base_diffuse_roughness": unit,
+    "specular_weight": unit,
+    "specular_roughness": unit,
+    "specular_ior": index,
+    "transmission_weight": share,
+    "subsurface_weight": share,
+    "subsurface_scatter_anisotropy": st.floats(-0.9, 0.9),
+    "geometry_thin_walled": st.booleans(),
+}
+TOP = {
+    "coat_weight": share,
+    "coat_roughness": unit,
+    "coat_ior": index,
+    "coat_darkening": unit,
+    "fuzz_weight": share,
+    "fuzz_roughness": unit,
+}
+COLOURS = {f"{lobe}_color": colour for lobe in ("base", "specular", "transmission", "subsurface", "coat", "fuzz")}
+MORE = {
+    "base_weight": unit,
+    "specular_roughness_anisotropy": st.floats(0, 0.9),
+    "coat_roughness_anisotropy": st.floats(0, 0.9),
+    "thin_film_weight": share,
+    "thin_film_thickness": unit,
+    "thin_film_ior": index,
+}
+views = st.tuples(st.floats(0.05, 1), unit)
+
+
+def draws(*groups: dict[str, st.SearchStrategy[Any]]) -> st.SearchStrategy[dict[str, Any]]:
+    return st.fixed_dictionaries({name: value for group in groups for name, value in group.items()})
+
+
+def case(params: dict[str, Any], *, front: bool = True, outside: float = 1.0) -> Case:
+    return Case("openpbr", params, front, outside)
+
+
+def mean_power(c: Case, view: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Albedo (3,), and by how much its estimate may be off: four standard errors of as many independent samples."""
+    power = c.sample(direction(*view), U).power()
+    return power.mean(axis=0), 4 * power.std(axis=0) / np.sqrt(len(power))
+
+
+@DRAWS
+@given(draws(BASE, TOP), views, st.booleans(), st.sampled_from([1.0, 1.33]))
+def test_white_furnace(params: dict[str, Any], view: tuple[float, float], front: bool, outside: float) -> None:
+    """Whatever the layers: what comes in goes out, within what the tables' interpolation makes."""
+    if params["base_metalness"] > 0:
+        params = {**params, "specular_weight": 1.0}  # which is metal's reflectance
+    albedo, slack = mean_power(case({**params, **WHITE}, front=front, outside=outside), view)
+    np.testing.assert_allclose(albedo, 1, atol=float(slack.max()) + 0.02)
+
+
+@DRAWS
+@given(draws(BASE, TOP, COLOURS, MORE), views, st.booleans())
+def test_never_more_than_came(params: dict[str, Any], view: tuple[float, float], front: bool) -> None:
+    c = case(params, front=front)
+    s = c.sample(direction(*view), U)
+    assert np.isfinite(s.weight).all()
+    assert (s.weight[s.ok] >= 0).all()
+    albedo, slack = mean_power(c, view)
+    assert (albedo <= 1.03 + slack).all()
+
+
+@DRAWS
+@given(draws(BASE, TOP, COLOURS, MORE), views, st.booleans())
+def test_weight_is_eval_over_pdf(params: dict[str, Any], view: tuple[float, float], front: bool) -> None:
+    c, wo = case(params, front=front), direction(*view)
+    s = c.sample(wo, U[:512])
+    k = s.spread & (s.pdf < 1e4)  # narrower lobes magnify the rounding of wi
+    if not k.any():
+        return
+    pdf = c.pdf(wo, s.wi[k])
+    np.testing.assert_allclose(pdf, s.pdf[k], rtol=0.02)
+    np.testing.assert_allclose(c.eval(wo, s.wi[k]) / pdf[:, None], s.weight[k], rtol=0.03, atol=1e-5)
+
+
+@DRAWS
+@given(draws(BASE, COLOURS, MORE), views, st.booleans())
+def test_reciprocity(params: dict[str, Any], view: tuple[float, float], front: bool) -> None:
+    """Without coat and fuzz; f / n^2 is the same from both sides."""
+    c, wo = case({**params, "specular_color": 1.0, "thin_film_weight": 0.0}, front=front), direction(*view)
+    s = c.sample(wo, U[:512])
+    k = s.spread & (s.pdf < 1e3) & (np.abs(s.wi[:, 2]) > 0.05)
+    if not k.any():
+        return
+    wi, eta, up = s.wi[k], s.eta[k], s.wi[k][:, 2] > 0
+    forth = c.eval(wo, wi) / np.abs(wi[:, 2:])
+    back = np.empty_like(forth)
+    if up.any():
+        back[up] = c.eval(wi[up], wo) / wo[2]
+    if (~up).any():
+        back[~up] = c.eval(-wi[~up], -wo, flipped=True) / wo[2]
+    np.testing.assert_allclose(forth, back / eta[:, None] ** 2, rtol=0.02, atol=1e-4)
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cosine", [0.1, 0.35, 0.6, 0.97])
+@pytest.mark.parametrize("roughness", [0.13, 0.45, 0.77, 1.0])
+@pytest.mark.parametrize("ior", [1.15, 1.5, 2.7])
+def test_tables_are_the_albedos_of_single_scattering(ior: float, roughness: float, cosine: float) -> None:
+    """Against brute force: samples of `dielectric` and `conductor`, which scatter once."""
+    n = 200_000
+    u = np.random.default_rng([int(100 * ior), int(100 * roughness), int(100 * cosine)]).random((n, 3))
+    u = u.astype(np.float32).clip(0, 1 - 2**-24)
+    wo = direction(cosine, 0.2)
+    for front in (True, False):
+        s = Case("dielectric", {"ior": ior, "roughness": roughness}, front=front).sample(wo, u)
+        t = testing.openpbr_albedos(cosine, roughness, ior if front else 1 / ior)
+        assert_mean(1 + s.power()[:, 0], 2 - t["lost"], comparisons=200, slack=0.004)
+        if front:
+            assert_mean(
+                1 + np.where(s.transmitted, 0, s.power()[:, 0]), 1 + t["reflected"], comparisons=200, slack=0.0015
+            )
+    s = Case("conductor", {"roughness": roughness, "fresnel": "none", "reflectance": 1.0}).sample(wo, u)
+    t = testing.openpbr_albedos(cosine, roughness, 1.0)
+    assert_mean(1 + s.power()[:, 0], 2 - t["facets_lose"], comparisons=200, slack=0.0015)
+
+
+def test_fuzz_albedo_by_quadrature() -> None:
+    for roughness in (0.3, 0.6, 1.0):
+        c = case({"base_color": 0.0, "specular_weight": 0.0, "fuzz_weight": 1.0, "fuzz_roughness": roughness})
+        for cosine in (0.1, 0.5, 0.9):
+            wo = direction(cosine, 0.3)
+            z, w = np.polynomial.legendre.leggauss(64)
+            phi = (np.arange(64) + 0.5) / 64
+            wi = np.array([direction((a + 1) / 2, b) for a in z for b in phi])
+            got = (c.eval(wo, wi)[:, 0].reshape(64, 64).mean(axis=1) * w / 2).sum() * 2 * np.pi
+            assert got == pytest.approx(testing.openpbr_albedos(cosine, roughness, 1.0)["fuzz"], abs=0.01)
+
+
+# --- thin film -------------------------------------------------------------------------------------------------------
+
+
+def film_reflectance(cosine: float, film: float, base: float, nanometres: float, wavelength: Floats) -> Floats:
+    """A film of that index and thickness on a base, by the transfer matrices of both polarisations."""
+    out = np.zeros(len(wavelength))
+    sine = np.sqrt(1 - cosine**2)
+    cos = [cosine, np.sqrt(1 - (sine / film) ** 2 + 0j), np.sqrt(1 - (sine / base) ** 2 + 0j)]
+    for polarisation in "sp":
+        y = [n * c if polarisation == "s" else n / c for n, c in zip((1, film, base), cos, strict=True)]
+        beta = 2 * np.pi * film * nanometres * cos[1] / wavelength
+        b = np.cos(beta) + 1j * np.sin(beta) * y[2] / y[1]
+        c = y[2] * np.cos(beta) + 1j * np.sin(beta) * y[1]
+        out += np.abs((y[0] * b - c) / (y[0] * b + c)) ** 2 / 2
+    return out
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.6, 0.2])
+@pytest.mark.parametrize("nanometres", [0.0, 150.0, 420.0, 800.0])
+def test_film_on_glass(nanometres: float, cosine: float) -> None:
+    params = {
+        "transmission_weight": 1.0,
+        "specular_roughness": 0.0,
+        "thin_film_weight": 1.0,
+        "thin_film_ior": 1.9,
+        "thin_film_thickness": nanometres / 1000,
+    }
+    wo = direction(cosine, 0.1)
+
+    def reflected(c: Case) -> Floats:
+        s = c.sample(wo, np.stack([(np.arange(4000) + 0.5) / 4000, *np.full((2, 4000), 0.5)], -1))
+        return np.asarray(np.where(s.transmitted[:, None], 0, s.power()).mean(axis=0))
+
+    for nm in (430.0, 555.0, 690.0):
+        expected = film_reflectance(cosine, 1.9, 1.5, nanometres, np.array([nm]))[0]
+        got = reflected(Case("openpbr", params, wavelength=nm))
+        np.testing.assert_allclose(got, expected, atol=1e-3)
+    lo, hi = testing.WAVELENGTHS
+    nm = lo + (hi - lo) * (np.arange(2000) + 0.5) / 2000
+    weight = np.asarray(testing.wavelength_weight(nm.astype(np.float32)), np.float64)
+    expected = (weight * film_reflectance(cosine, 1.9, 1.5, nanometres, nm)[:, None]).mean(axis=0)
+    np.testing.assert_allclose(reflected(case(params)), expected.clip(0, 1), atol=0.012)
+
+
+def test_no_film_and_film_of_the_base_are_the_same() -> None:
+    wi = np.array([direction(c, t) for c in (0.2, 0.5, 0.9) for t in (0.0, 0.4)])
+    plain = case({"specular_roughness": 0.4})
+    film = case({"specular_roughness": 0.4, "thin_film_weight": 1.0, "thin_film_ior": 1.5})
+    np.testing.assert_allclose(film.eval(direction(0.6, 0.1), wi), plain.eval(direction(0.6, 0.1), wi), rtol=0.01)
+
+
+# --- peers -----------------------------------------------------------------------------------------------------------
+
+
+def mitsuba_eval(bsdf: dict[str, Any], wo: Floats, wi: Floats) -> Floats:
+    """f |cos| (N, 3) of a Mitsuba BSDF in its local frame; radiance flows to wo."""
+    try:
+        mi = mitsuba()
+    except ImportError as error:
+        pytest.skip(f"no Mitsuba: {error}")
+    b, si = mi.load_dict(bsdf), mi.SurfaceInteraction3f()
+    si.wi = mi.Vector3f(*(float(x) for x in wo))
+    values = [b.eval(mi.BSDFContext(), si, mi.Vector3f(*(float(x) for x in w))) for w in wi]
+    return np.array([[v[k] for k in range(3)] for v in values], np.float64)
+
+
+def grid(down: bool) -> Floats:
+    turns = (0.0, 0.3, 0.45, 0.5, 0.55)
+    up = np.array([direction(c, t) for c in (0.15, 0.35, 0.6, 0.8, 0.95) for t in turns], np.float64)
+    return np.concatenate([up, up * [1, 1, -1]]) if down else up
+
+
+PEERS = [
+    (
+        "principled metal",
+        {"base_metalness": 1.0, "base_color": (0.9, 0.6, 0.3), "specular_roughness": 0.3},
+        {
+            "type": "principled",
+            "base_color": {"type": "rgb", "value": [0.9, 0.6, 0.3]},
+            "metallic": 1.0,
+            "roughness": 0.3,
+        },
+        False,
+        0.04,
+    ),
+    (
+        "roughconductor",
+        {"base_metalness": 1.0, "base_color": 1.0, "specular_roughness": 0.3},
+        {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.09},
+        False,
+        0.04,
+    ),
+    (
+        "roughdielectric",
+        {"transmission_weight": 1.0, "specular_roughness": 0.3},
+        {"type": "roughdielectric", "distribution": "ggx", "alpha": 0.09, "int_ior": 1.5, "ext_ior": 1.0},
+        True,
+        0.04,
+    ),
+    (
+        "roughplastic",
+        {"base_color": 1.0, "specular_roughness": 0.15},
+        {
+            "type": "roughplastic",
+            "distribution": "ggx",
+            "alpha": 0.0225,
+            "int_ior": 1.5,
+            "ext_ior": 1.0,
+            "diffuse_reflectance": {"type": "rgb", "value": 1.0},
+        },
+        False,
+        0.05,
+    ),
+]
+
+
+@pytest.mark.mitsuba
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("peer", PEERS, ids=[p[0] for p in PEERS])
+def test_agrees_with_mitsuba_where_the_models_coincide(peer: Any) -> None:
+    """At roughness where one scattering among the facets is nearly all: the even rest is added to the tolerance."""
+    _, params, bsdf, down, tolerance = peer
+    wi = grid(down)
+    for view in ((0.95, 0.0), (0.6, 0.0), (0.3, 0.0)):
+        wo = np.asarray(direction(*view), np.float64)
+        ours, theirs = case(params).eval(wo, wi), mitsuba_eval(bsdf, wo, wi)
+        np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=0.012)
