@@ -325,6 +325,12 @@ std::string cuda_status() {
 #endif
 }
 
+void warm_up([[maybe_unused]] int device) {
+#if defined(DST_HAS_CUDA)
+  cuda_warm_up(device);
+#endif
+}
+
 }  // namespace
 
 void register_render(nb::module_& m) {
@@ -351,6 +357,8 @@ void register_render(nb::module_& m) {
   m.def("device_memory", &cuda_memory, nb::arg("forget_peak") = false,
         "Bytes that this process has taken on all CUDA devices together and, pinned, on the host: now and at most. "
         "forget_peak: afterwards, the peaks start anew.");
+  m.def("cuda_warm_up", &warm_up, nb::arg("device"), nb::call_guard<nb::gil_scoped_release>(),
+        "Makes a CUDA device ready. What goes wrong shows when it is used.");
   m.def("cuda_status", &cuda_status, "Empty if CUDA can be used, else the reason why not.");
 }
 

@@ -59,7 +59,7 @@ Case = tuple[str, bytes, dict[str, bytes]]  # file name, content, files beside i
 
 
 def rich_materials(g: Gltf, folder: Path) -> None:
-    """Four materials, and two variants."""
+    """Five materials, and two variants."""
     texture = g.texture(encode_image(corner_image(), ".png", folder), wrapS=33071, magFilter=9728)
     info = {
         "index": texture,
@@ -74,6 +74,20 @@ def rich_materials(g: Gltf, folder: Path) -> None:
         extensions={"KHR_materials_ior": {"ior": 1.4}, "KHR_materials_transmission": {"transmissionFactor": 0.5}},
     )
     g.add("materials", extensions={"KHR_materials_unlit": {}}, alphaMode="BLEND")
+    layers = {
+        "clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0}, "clearcoatRoughnessFactor": 0.5},
+        "sheen": {"sheenColorFactor": [0.5, 0.2, 0], "sheenRoughnessTexture": {"index": 0}},
+        "iridescence": {"iridescenceFactor": 1, "iridescenceThicknessTexture": info, "iridescenceIor": 1.4},
+        "anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1},
+        "diffuse_transmission": {"diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": [1, 0, 0]},
+        "volume": {"thicknessFactor": 1, "attenuationColor": [0.5, 0.1, 1], "attenuationDistance": 0.1},
+        "volume_scatter": {"multiscatterColor": [0.5, 0.5, 0.5], "scatterAnisotropy": 0.5},
+        "specular": {"specularFactor": 0.5, "specularColorFactor": [2, 1, 0]},
+        "dispersion": {"dispersion": 0.1},
+    }
+    layered = {f"KHR_materials_{name}": values for name, values in layers.items()}
+    g.add("materials", extensions=layered)
+    g.add("materials", extensions={**layered, "KHR_materials_transmission": {"transmissionFactor": 1}})
     old = {"glossinessFactor": 0.5, "specularGlossinessTexture": info, "diffuseTexture": {"index": 0}}
     g.add("materials", extensions={"KHR_materials_pbrSpecularGlossiness": old})
     g.extend("KHR_materials_variants", variants=[{"name": "one"}, {"name": "two"}])
@@ -88,7 +102,7 @@ def rich_gltf(folder: Path) -> Gltf:
     g.extend("KHR_lights_punctual", lights=[{"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}])
     rich_materials(g, folder)
     attributes = {"POSITION": g.accessor(positions), "NORMAL": g.accessor(positions), "TEXCOORD_0": g.accessor(uv)}
-    variants = {"KHR_materials_variants": {"mappings": [{"material": 2, "variants": [1]}]}}
+    variants = {"KHR_materials_variants": {"mappings": [{"material": 4, "variants": [1]}]}}
     triangles = g.accessor(indices.astype(np.uint16))
     ball = g.mesh(attributes, triangles, material=0, name="ball", extensions=variants)
     sparse = {
@@ -113,6 +127,8 @@ def rich_gltf(folder: Path) -> Gltf:
     child = g.node(root=False, mesh=ball, rotation=[0, 0.6, 0, 0.8], scale=[1, 2, 1])
     g.node(children=[child], matrix=np.eye(4).reshape(-1).tolist())
     g.node(mesh=ball, translation=[3, 0, 0])
+    for material in (2, 3):
+        g.node(mesh=g.mesh(attributes, triangles, material=material))
     moves = g.accessor(np.eye(3, dtype=np.float32))
     g.node(mesh=ball, extensions={"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": moves}}})
     g.node(camera=g.add("cameras", type="perspective", perspective={"yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1}))
@@ -202,7 +218,9 @@ def obj_case(rng: np.random.Generator, folder: Path) -> Case:
         b"newmtl one\nKd 0.5 0.6 0.7\nKs 0.2 0.2 0.2\nNs 50\nd 0.9\nmap_Kd -s 2 2 t.png\nnewmtl two\nillum 7\nNi 1.4\n"
     )
     if rng.random() < 0.3:
-        mtl = b"# Blender 4.1 MTL File\n" + mtl + b"newmtl three\nKa 0.5 0.5 0.5\nillum 3\nmap_Bump -bm 2 t.png\n"
+        layers = b"Pr 0.5\nPs 0.5\nPc 1\nPcr 0.1\naniso 0.3\n"
+        blender = b"newmtl three\nKa 0.5 0.5 0.5\nillum 3\nmap_Bump -bm 2 t.png\n"
+        mtl = b"# Blender 4.1 MTL File\n" + mtl + layers + blender
     data = "\n".join(lines).encode() + b"\n"
     files = {"scene.mtl": mtl, "t.png": encode_image(corner_image(), ".png", folder)}
     if rng.random() < 0.3:

@@ -135,6 +135,21 @@ def glass_and_metal() -> Description:
     }
 
 
+# --- Disney's material, where glTF's is the same ----------------------------------------------------------------------
+
+GOLD, STEEL = (1.0, 0.78, 0.34), (0.56, 0.57, 0.58)
+
+
+def principled_metals() -> Description:
+    def metal(color: tuple[float, ...], roughness: float) -> Description:
+        return {"type": "principled", "base_color": rgb(*color), "metallic": 1.0, "roughness": roughness}
+
+    made = glass_and_metal()
+    del made["glass"]
+    made["smooth"]["bsdf"], made["rough"]["bsdf"] = metal(GOLD, 0.25), metal(STEEL, 0.2)
+    return made
+
+
 # --- media ------------------------------------------------------------------------------------------------------------
 
 

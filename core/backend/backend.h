@@ -56,6 +56,8 @@ std::unique_ptr<Backend> make_cuda_backend(const Scene& scene, int device);
 std::vector<double> trace_rays_cuda(const Scene& scene, int device, const std::vector<Ray>& rays, bool any,
                                     uint32_t repeat, std::vector<Hit>* hits);
 std::vector<DeviceInfo> cuda_devices();
+// Makes a device ready, which takes tenths of a second: so that it is when it is wanted. What goes wrong shows then, not here.
+void cuda_warm_up(int device);
 // Empty if CUDA devices can be used, else why not.
 std::string cuda_problem();
 #endif

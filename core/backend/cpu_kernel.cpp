@@ -25,7 +25,7 @@ namespace {
 // The host's traversal.
 template <bool kIsSimple>
 struct HostTracer {
-  static constexpr bool kSimple = kIsSimple;
+  static constexpr bool kSimple = kIsSimple, kTextured = true;
   using Materials = MaterialsOf<kIsSimple>;
   static bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<false>(g, ray, hit); }
   static bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<true>(g, ray, hit); }

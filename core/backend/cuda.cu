@@ -1,5 +1,5 @@
-// The CUDA backend: two kernels over the stages of integrate/path_tracer.h, the queue kernel (cuda_queues.cuh) and the fused kernel
-// (cuda_fused.cuh). use_queues has the rule.
+// The CUDA backend: two kinds of kernel over the stages of integrate/path_tracer.h, the queue kernel (cuda_queues.cuh) and the
+// fused kernel (cuda_fused.cuh). use_queues has the rule.
 //
 // Both add samples to the film in device memory by atomic additions: sums are exact (film/film.h), so their order is free,
 // and the picture's bits depend on nothing but the samples.
@@ -12,11 +12,11 @@
 #include <numeric>
 
 #include "backend/backend.h"
-#include "backend/cuda_fused.cuh"
+#include "backend/cuda_launch.cuh"
 #include "backend/cuda_live.cuh"
-#include "backend/cuda_queues.cuh"
 #include "backend/device_scene.cuh"
-#include "base/parallel.h"
+#include "backend/film_copier.cuh"
+#include "integrate/light_sampling.h"
 
 namespace destello {
 
@@ -47,16 +47,14 @@ std::vector<uint8_t> shade_classes(const Scene& scene) {
 
 class CudaBackend final : public Backend {
  public:
-  CudaBackend(const Scene& scene, int device) : host_scene_(scene), device_(device) {
+  CudaBackend(const Scene& scene, int device) : host_scene_(scene), device_(device), copier_(device) {
     check_cuda(cudaSetDevice(device), "choose the device");
     scene_ = std::make_unique<DeviceScene>(scene);
+    large_tree_ = scene.arrays().nodes.size() >= kLargeTree;
     shade_class_ = DeviceBuffer<uint8_t>(shade_classes(scene));
     counts_ = DeviceBuffer<KernelCounts>(1);
     check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
                "ask for multiprocessors");
-    cudaFuncAttributes code{};
-    check_cuda(cudaFuncGetAttributes(&code, fused_kernel<true>), "ask for the kernel's architecture");
-    architecture_ = static_cast<uint32_t>(code.ptxVersion) * 10;
   }
 
   RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
@@ -68,8 +66,8 @@ class CudaBackend final : public Backend {
     if (aovs) check_cuda(cudaMemset(aovs_.data(), 0, pixels * kAovChannels * sizeof(double)), "clear the film");
     const RenderCounts total =
         render_into({sums_.data(), aovs ? aovs_.data() : nullptr, film.width, pixels}, task, cancel);
-    download(sums_, film.sums, pixels, kFilmChannels);
-    if (aovs) download(aovs_, film.aovs, pixels, kAovChannels);
+    copier_.add<kFilmChannels>(sums_.data(), film.sums, pixels);
+    if (aovs) copier_.add<kAovChannels>(aovs_.data(), film.aovs, pixels);
     return total;
   }
 
@@ -92,16 +90,15 @@ class CudaBackend final : public Backend {
   }
 
  private:
+  static constexpr size_t kLargeTree = 512;  // nodes
+
   RenderCounts render_into(const DeviceFilm& film, const RenderTask& task, const std::atomic<bool>& cancel) const {
-    KernelParams p{scene_->view(), task, film, counts_.data(), shade_class_.data(), 0, 0, 0};
+    KernelParams p{scene_->view(), task, film, counts_.data(), shade_class_.data(), 0, 0, 0, large_tree_};
     const Rect& c = task.crop;
     p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
     p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
     return launch_all(&p, cancel);
   }
-
-  static constexpr size_t kPiece = 65536;  // pixels copied to the host at once
-  static_assert(uint32_t{kAovChannels} <= uint32_t{kFilmChannels});
 
   // Launches of at most about kSliceSeconds each: between them a cancellation is noticed.
   static constexpr double kSliceSeconds = 0.05;
@@ -128,12 +125,6 @@ class CudaBackend final : public Backend {
     return total;
   }
 
-  // The paths that were under way at once, and the bytes of the chip that each of them took.
-  struct Wave {
-    uint64_t paths = 0;
-    size_t path_bytes = 0;
-  };
-
   KernelCounts launch(KernelParams* p, Wave* wave) const {
     static std::array<std::mutex, 64> one_at_a_time;  // for each device: kernel_params_memory is the device's
     const std::lock_guard<std::mutex> lock(one_at_a_time.at(static_cast<size_t>(device_)));
@@ -142,13 +133,10 @@ class CudaBackend final : public Backend {
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
     if (use_queues(*p)) {
       p->items = tiles * ((samples + kUnitSamples - 1) / kUnitSamples);
-      *wave = launch_queues(*p);
+      *wave = launch_queue_kernel(*p);
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
-      const auto kernel = p->film.aovs != nullptr ? fused_kernel<true> : fused_kernel<false>;
-      const uint64_t blocks =
-          launch_kernel(kernel, *p, kFusedThreads, 0, (p->items + kFusedThreads - 1) / kFusedThreads);
-      *wave = {blocks * kFusedThreads, sizeof(Path) + sizeof(Hit) + kFilmChannels * sizeof(double)};
+      *wave = (p->film.aovs != nullptr ? launch_fused<true> : launch_fused<false>)(*p, multiprocessors_);
     }
     KernelCounts n;
     check_cuda(cudaMemcpy(&n, counts_.data(), sizeof(n), cudaMemcpyDeviceToHost), "render");
@@ -168,39 +156,23 @@ class CudaBackend final : public Backend {
            !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
   }
 
-  Wave launch_queues(const KernelParams& p) const {
-    if (!p.scene.simple) return launch_queues_as<true, false, LeafKind::Any>(p);
+  Wave launch_queue_kernel(const KernelParams& p) const {
+    if (!p.scene.simple) return launch_queues<true, SceneKind::Any, LeafKind::Any>(p, multiprocessors_);
+    return p.scene.plain ? launch_queues_of<SceneKind::Plain>(p) : launch_queues_of<SceneKind::Simple>(p);
+  }
+  template <SceneKind kKind>
+  Wave launch_queues_of(const KernelParams& p) const {
     const bool shadows = lights_are_sampled(p);
-    if (scene_->leaf_kind() == LeafKind::Spheres) return launch_queues_with<LeafKind::Spheres>(p, shadows);
-    if (scene_->leaf_kind() == LeafKind::Triangles) return launch_queues_with<LeafKind::Triangles>(p, shadows);
-    return launch_queues_with<LeafKind::Any>(p, shadows);
+    switch (scene_->leaf_kind()) {
+      case LeafKind::Spheres: return launch_queues_with<kKind, LeafKind::Spheres>(p, shadows);
+      case LeafKind::Triangles: return launch_queues_with<kKind, LeafKind::Triangles>(p, shadows);
+      case LeafKind::Any: break;
+    }
+    return launch_queues_with<kKind, LeafKind::Any>(p, shadows);
   }
-  template <LeafKind kLeaves>
+  template <SceneKind kKind, LeafKind kLeaves>
   Wave launch_queues_with(const KernelParams& p, bool shadows) const {
-    return shadows ? launch_queues_as<true, true, kLeaves>(p) : launch_queues_as<false, true, kLeaves>(p);
-  }
-  template <bool kShadows, bool kSimple, LeafKind kLeaves>
-  Wave launch_queues_as(const KernelParams& p) const {
-    const QueueNeeds needs = queue_needs<kShadows, kLeaves>(architecture_);
-    const uint64_t blocks = launch_kernel(queue_kernel<kShadows, kSimple, kLeaves>, p,
-                                          QueueBlock<kShadows, kSimple, kLeaves>::kThreads, needs.memory, p.items);
-    return {blocks * needs.paths, needs.path_bytes};
-  }
-
-  // As many blocks as the device holds at once, but no more than have something to do. Returns their number.
-  uint64_t launch_kernel(void (*kernel)(), const KernelParams& p, uint32_t threads, size_t memory,
-                         uint64_t wanted) const {
-    check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(memory)),
-               "ask for shared memory");
-    int resident = 0;
-    check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, static_cast<int>(threads), memory),
-               "ask for the occupancy");
-    const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors_);
-    check_cuda(cudaMemcpyToSymbol(kernel_params_memory, &p, sizeof(p)), "set the kernel's parameters");
-    const uint64_t blocks = std::min(wanted, fitting);
-    kernel<<<static_cast<unsigned>(blocks), threads, memory>>>();
-    check_cuda(cudaGetLastError(), "launch the render kernel");
-    return blocks;
+    return (shadows ? launch_queues<true, kKind, kLeaves> : launch_queues<false, kKind, kLeaves>)(p, multiprocessors_);
   }
 
   void reserve(size_t pixels, bool aovs) {
@@ -214,41 +186,15 @@ class CudaBackend final : public Backend {
     }
   }
 
-  // Adds planes of one channel each to pixels with all their channels: in pieces, one being added while the next arrives.
-  void download(const DeviceBuffer<double>& from, double* to, size_t pixels, uint32_t channels) {
-    if (staging_[0].data() == nullptr)
-      for (PinnedBuffer& s : staging_) s = PinnedBuffer(kPiece * kFilmChannels);
-    const auto fetch = [&](size_t first) {
-      if (first >= pixels) return;
-      check_cuda(cudaMemcpy2DAsync(staging_[first / kPiece % 2].data(), kPiece * sizeof(double), from.data() + first,
-                                   pixels * sizeof(double), std::min(kPiece, pixels - first) * sizeof(double), channels,
-                                   cudaMemcpyDeviceToHost),
-                 "copy the film");
-    };
-    fetch(0);
-    for (size_t first = 0; first < pixels; first += kPiece) {
-      check_cuda(cudaStreamSynchronize(nullptr), "copy the film");
-      fetch(first + kPiece);
-      add_piece(staging_[first / kPiece % 2].data(), to + first * channels, std::min(kPiece, pixels - first), channels);
-    }
-  }
-
-  static void add_piece(const double* piece, double* to, size_t pixels, uint32_t channels) {
-    parallel_ranges(pixels, 4096, std::min(available_threads(), 4u), [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        for (uint32_t k = 0; k < channels; ++k) to[i * channels + k] += piece[k * kPiece + i];
-    });
-  }
-
   const Scene& host_scene_;
   int device_;
   int multiprocessors_ = 1;
-  uint32_t architecture_ = 0;  // that the kernels were compiled for, 10 * compute capability
+  uint32_t large_tree_ = 0;
   std::unique_ptr<DeviceScene> scene_;
   DeviceBuffer<KernelCounts> counts_;
   DeviceBuffer<uint8_t> shade_class_;
   DeviceBuffer<double> sums_, aovs_;
-  PinnedBuffer staging_[2];
+  FilmCopier copier_;
 };
 
 }  // namespace
@@ -269,6 +215,10 @@ std::string cuda_problem() {
     return std::string("the NVIDIA driver cannot be used: ") + cudaGetErrorString(error);
   }
   return count == 0 ? "no NVIDIA GPU" : "";
+}
+
+void cuda_warm_up(int device) {
+  if (cudaSetDevice(device) != cudaSuccess || cudaFree(nullptr) != cudaSuccess) cudaGetLastError();
 }
 
 std::vector<DeviceInfo> cuda_devices() {

@@ -5,29 +5,28 @@
 #pragma once
 
 #include "accel/traversal.h"
-#include "backend/cuda_params.cuh"
+#include "backend/cuda_kernel.cuh"
 #include "integrate/path_tracer.h"
 
 namespace destello {
 
 inline constexpr int kFusedThreads = 512;  // per block; one block fills a multiprocessor's registers
-inline constexpr uint32_t kItemSamples = 32;
 
 // Rays and hits go by value, so that what the caller keeps of them stays in registers.
-__device__ __noinline__ Hit closest_hit(const GeometryView& g, Ray ray) {
+__device__ __noinline__ inline Hit closest_hit(const GeometryView& g, Ray ray) {
   Hit hit;
   hit.t = ray.t_max;
   traverse_groups<LeafKind::Any>(g, ray, false, &hit);
   return hit;
 }
-__device__ __noinline__ bool any_hit(const GeometryView& g, Ray ray) {
+__device__ __noinline__ inline bool any_hit(const GeometryView& g, Ray ray) {
   Hit hit;
   hit.t = ray.t_max;
   return traverse_groups<LeafKind::Any>(g, ray, true, &hit);
 }
 
 struct FusedTracer {
-  static constexpr bool kSimple = false;
+  static constexpr bool kSimple = false, kTextured = true;
   using Materials = destello::Materials;
   static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
     *hit = closest_hit(g, ray);
@@ -43,7 +42,7 @@ struct Item {
 };
 
 // The next item for this lane; false when there are no more. Lanes that ask together get neighbouring pixels.
-__device__ bool next_item(const KernelParams& p, Item* item) {
+__device__ inline bool next_item(const KernelParams& p, Item* item) {
   for (;;) {
     const unsigned mask = __activemask();
     const int lane = static_cast<int>(threadIdx.x & 31u);

@@ -8,6 +8,9 @@
 namespace destello {
 
 inline constexpr uint32_t kTileWidth = 8, kTileHeight = 4;  // a warp's pixels lie together
+inline constexpr uint32_t kItemSamples = 32;                // of a pixel: a piece of the fused kernel's work
+inline constexpr uint32_t kUnitSamples = 64;                // of each pixel of a tile: a piece of the queue kernel's
+inline constexpr uint32_t kShadeClasses = 4;                // lists of what was hit, by kind of material
 
 struct KernelCounts {
   unsigned long long next_item, rays, samples, nonfinite;
@@ -20,20 +23,8 @@ struct KernelParams {
   KernelCounts* counts;
   const uint8_t* shade_class;  // of each leaf primitive, see cuda_queues.cuh
   uint32_t tile_columns, tile_rows;
-  uint64_t items;  // pieces of work that counts->next_item numbers
+  uint64_t items;      // pieces of work that counts->next_item numbers
+  uint32_t keep_rays;  // the tree is large: see cuda_queues.cuh
 };
-
-// The parameters of the kernel that runs, in constant memory: every function reads them as operands of its instructions, which
-// it could not through a reference. One launch at a time and device: see CudaBackend.
-alignas(16) __constant__ unsigned char kernel_params_memory[sizeof(KernelParams)];
-
-__device__ inline const KernelParams& kernel_params() {
-  return *reinterpret_cast<const KernelParams*>(kernel_params_memory);
-}
-
-// *to += value, in global memory, nobody waits. (atomicAdd does not know where `to` points, and looks.)
-__device__ inline void add_global(double* to, double value) {
-  asm volatile("red.global.add.f64 [%0], %1;" ::"l"(__cvta_generic_to_global(to)), "d"(value) : "memory");
-}
 
 }  // namespace destello

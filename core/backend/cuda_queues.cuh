@@ -12,15 +12,13 @@
 #include <type_traits>
 
 #include "accel/traversal.h"
-#include "backend/cuda_params.cuh"
+#include "backend/cuda_kernel.cuh"
 #include "backend/cuda_slots.cuh"
 #include "integrate/path_tracer.h"
 
 namespace destello {
 
 inline constexpr uint32_t kQueueBlocks = 2;  // per multiprocessor: while one waits at a barrier the other works
-inline constexpr uint32_t kShadeClasses = 4;
-inline constexpr uint32_t kUnitSamples = 64;
 inline constexpr uint32_t kShadowBit = 0x8000;
 
 // Samples first_sample, first_sample + 1, ... of the pixels of a tile, `count` of them in all.
@@ -48,11 +46,10 @@ struct QueueState {
 // cache, and worth something too: more to long ways through large trees. kShadows: lights are sampled.
 template <bool kShadows, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kBudget = 1024 * (kArchitecture >= 900   ? (kShadows                       ? 112
-                                                                      : kLeaves == LeafKind::Spheres ? 97
-                                                                                                     : 80)
-                                            : kArchitecture >= 800 ? 80
-                                                                   : 31);
+  static constexpr size_t kBudget =
+      1024 * (kArchitecture >= 900   ? (kLeaves == LeafKind::Spheres ? (kShadows ? 112 : 97) : (kShadows ? 97 : 80))
+              : kArchitecture >= 800 ? 80
+                                     : 31);
   static constexpr size_t kSlotBytes = sizeof(uint32_t) * (kShadows ? kSlotWordsWithShadow : kSlotWords);
   static constexpr size_t kListBytes = sizeof(uint16_t) * ((kShadows ? 2 : 1) + 2 + kShadeClasses);
   static constexpr uint32_t kSlots = (kBudget - 256) / (kSlotBytes + kListBytes) / 32 * 32;
@@ -86,12 +83,12 @@ inline constexpr uint32_t kArchitecture = __CUDA_ARCH__;
 inline constexpr uint32_t kArchitecture = 900;  // for the host's eyes only
 #endif
 
-// kSimpleScene: SceneView::simple. kLeaves: what the scene's leaves are.
-template <bool kShadows, bool kSimpleScene, LeafKind kLeaves>
+// kLeaves: what the scene's leaves are.
+template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
 class QueueBlock {
  public:
   // More threads share the registers where shading is short.
-  static constexpr uint32_t kThreads = kShadows ? 192 : 256;
+  static constexpr uint32_t kThreads = kShadows && kKind != SceneKind::Plain ? 192 : 256;
 
   __device__ void run() {
     start();
@@ -115,8 +112,8 @@ class QueueBlock {
 
  private:
   struct Tracer {
-    static constexpr bool kSimple = kSimpleScene;
-    using Materials = MaterialsOf<kSimpleScene>;
+    static constexpr bool kSimple = kKind != SceneKind::Any, kTextured = kKind != SceneKind::Plain;
+    using Materials = std::conditional_t<kKind == SceneKind::Plain, PlainMaterials, MaterialsOf<kSimple>>;
   };
   using Layout = QueueLayout<kShadows, kLeaves, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;
@@ -125,12 +122,11 @@ class QueueBlock {
 
   static constexpr uint32_t kNothing = 0xffffffffu;
 
-  // Where rays are long, those that are still under way when the list is empty and few lanes are busy go on in the next
-  // turn: the block needn't wait for the longest. Not with shadow rays, whose slot is wanted for the next one.
-  static constexpr bool kLongRays = kLeaves != LeafKind::Spheres;
-  static constexpr bool kKeepsRays = kLongRays && !kShadows;
+  // In large trees (KernelParams::keep_rays) rays that are still under way when the list is empty and few lanes are busy go
+  // on in the next turn: the block needn't wait for the longest.
+  static constexpr bool kKeepsRays = kLeaves != LeafKind::Spheres;
   static constexpr uint32_t kKeptLanes = 20, kLeastTurns = 4;
-  static constexpr uint32_t kSteps = kLongRays ? 2 : 1;          // between two looks at how many lanes are idle
+  static constexpr uint32_t kSteps = kKeepsRays ? 2 : 1;         // between two looks at how many lanes are idle
   static constexpr uint32_t kRefillLanes = kKeepsRays ? 8 : 12;  // idle lanes that are worth a look at the list of rays
   struct KeptRay {
     uint32_t item = kNothing;
@@ -231,8 +227,8 @@ class QueueBlock {
         }
         if (busy == 0 && !__any_sync(0xffffffffu, active)) break;
       }
-      if (kKeepsRays && turns >= kLeastTurns && __popc(busy) <= static_cast<int>(kKeptLanes) &&
-          __any_sync(0xffffffffu, rays_given_out(count)))
+      if (kKeepsRays && kernel_params().keep_rays && turns >= kLeastTurns &&
+          __popc(busy) <= static_cast<int>(kKeptLanes) && __any_sync(0xffffffffu, rays_given_out(count)))
         break;
 #pragma unroll
       for (uint32_t k = 0; k < kSteps; ++k)
@@ -260,6 +256,7 @@ class QueueBlock {
     if (is_shadow(item)) {
       if (!hit.found())
         Slots::store3(kWordRadiance, slot, Slots::load3(kWordRadiance, slot) + Slots::load3(kWordContribution, slot));
+      Slots::word(kWordFlags, slot) &= ~kSlotShadow;
       if (!(Slots::word(kWordFlags, slot) & kSlotAlive)) push_end(turn, slot);
     } else if (hit.found()) {
       Slots::store_hit(slot, hit);
@@ -295,7 +292,7 @@ class QueueBlock {
       }
       const uint32_t slot = hit_entry(turn, k, i);
       more = true;
-      if (defer && count < 32) {
+      if ((defer && count < 32) || waits(slot)) {
         push_hit(turn ^ 1, k, slot);
       } else {
         shade_slot(turn, slot);
@@ -311,13 +308,22 @@ class QueueBlock {
     if (path.alive) push_ray(turn ^ 1, slot);
     if (kShadows && shadow.wanted) {
       Slots::store_shadow(slot, shadow);
+      Slots::word(kWordFlags, slot) |= kSlotShadow;
       push_ray(turn ^ 1, slot | kShadowBit);
     } else if (!path.alive) {
       push_end(turn ^ 1, slot);
     }
   }
+  // Is a shadow ray of the slot still under way? Its light belongs to the sample, and its words are not free yet.
+  static __device__ bool waits(uint32_t slot) {
+    return kShadows && kKeepsRays && (Slots::word(kWordFlags, slot) & kSlotShadow);
+  }
   // False if there is nothing left for the slot to do.
   __device__ bool restart(uint32_t turn, uint32_t slot) {
+    if (waits(slot)) {
+      push_end(turn ^ 1, slot);
+      return true;
+    }
     if (Slots::word(kWordFlags, slot) & kSlotBusy) finish_sample(slot);
     uint32_t i = atomicAdd(&state().taken, 1u);
     const WorkUnit* unit = &state().units[0];
@@ -371,9 +377,9 @@ class QueueBlock {
   }
 };
 
-template <bool kShadows, bool kSimpleScene, LeafKind kLeaves>
-__global__ void __launch_bounds__(QueueBlock<kShadows, kSimpleScene, kLeaves>::kThreads, kQueueBlocks) queue_kernel() {
-  QueueBlock<kShadows, kSimpleScene, kLeaves>().run();
+template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
+__global__ void __launch_bounds__(QueueBlock<kShadows, kKind, kLeaves>::kThreads, kQueueBlocks) queue_kernel() {
+  QueueBlock<kShadows, kKind, kLeaves>().run();
 }
 
 }  // namespace destello

@@ -40,6 +40,7 @@ enum SlotFlag : uint32_t {
   kSlotAlive = 1,     // the path goes on: a segment of it is (or will be) traced
   kSlotBusy = 2,      // a sample is under way
   kSlotNegative = 4,  // the filter's sign
+  kSlotShadow = 8,    // a shadow ray of it is under way
 };
 
 // The slots of a block, `kCount` of them, at the beginning of its shared memory: constant addresses cost no instructions.

@@ -1,7 +1,7 @@
 // The list of materials. A new one is one header and one line here.
 //
-// CommonMaterials are the light ones; they come first, so that a type has the same number in both lists. Kernels for scenes
-// that use no others dispatch over them alone, and hold no code of the heavier ones.
+// CommonMaterials are the light ones, PlainMaterials the commonest of them; they come first, so that a type has the same
+// number in all lists. Kernels for scenes that use no others dispatch over them alone, and hold no code of the heavier ones.
 #pragma once
 
 #include "base/one_of.h"
@@ -17,8 +17,8 @@
 
 namespace destello {
 
-using CommonMaterials =
-    TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, MetallicRoughness, Emissive, Interface, Mix>;
+using PlainMaterials = TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, Emissive>;
+using CommonMaterials = Append<PlainMaterials, MetallicRoughness, Interface, Mix>;
 using Materials = Append<CommonMaterials, OpenPbr>;
 
 // What the kernels of a scene dispatch over. simple: SceneView::simple.

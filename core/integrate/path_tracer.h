@@ -5,8 +5,8 @@
 //
 // `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...), and
 // static constexpr bool kSimple: the scene has neither media, holes, mixes, normal maps nor heavy materials
-// (SceneView::simple), and the code for them is left out; `Materials`: the list of the materials that a scene may have,
-// MaterialsOf<kSimple>.
+// (SceneView::simple), and the code for them is left out; kTextured: parameters of materials may have textures;
+// `Materials`: the list of the materials that a scene may have.
 #pragma once
 
 #include "integrate/surface_scattering.h"
@@ -106,7 +106,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.density > 0;
   const MaterialSample answer =
       dispatch(typename Tracer::Materials{}, m.type,
-               AskMaterial<Numbers>{scene, m.first_slot, texture, point, *path, numbers, to_light.w, has_light});
+               AskMaterial<Numbers, Tracer::kTextured>{scene, m.first_slot, texture, point, *path, numbers, to_light.w,
+                                                       has_light});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
@@ -200,7 +201,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->alive = false;
     return;
   }
-  if (scene.textures.has_mips) context.footprint = ray_footprint(scene, settings, *path, s, hit);
+  if (Tracer::kTextured && scene.textures.has_mips) context.footprint = ray_footprint(scene, settings, *path, s, hit);
   ShadingPoint point = make_shading_point<Tracer>(scene, *path, s, m, hit, context);
   if (outside != kNoIndex) point.context.outside_ior = scene.interiors[outside].ior;
   scatter_at_surface<Tracer>(scene, settings, m, point, context, path->travelled + hit.t, path, shadow, aovs, numbers);

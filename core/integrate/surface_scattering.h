@@ -106,13 +106,13 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   return p;
 }
 
-// Loads T's parameters at a point of a surface: each slot's value, textures looked up.
-template <class T, size_t... I>
+// Loads T's parameters at a point of a surface: each slot's value, textures (if the scene has some) looked up.
+template <class T, bool textured, size_t... I>
 DST_FN DST_HOT T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context,
                            std::index_sequence<I...>) {
   T bsdf;
   const Slot* slots = scene.textures.slots.data + first_slot;
-  (set_param<T, I>(bsdf, T::params[I].texturable
+  (set_param<T, I>(bsdf, textured && T::params[I].texturable
                              ? eval_slot(slots[I], context, scene.textures, T::params[I].kind == ParamKind::Scalar)
                              : slots[I].value),
    ...);
@@ -152,8 +152,8 @@ struct MaterialSample {
 };
 
 // Asks a material of one type. The only code that is instantiated per material: whatever all materials share stands in
-// shade, once. Numbers: see BounceNumbers.
-template <class Numbers>
+// shade, once. Numbers: see BounceNumbers. textured: some parameters may have textures.
+template <class Numbers, bool textured>
 struct AskMaterial {
   const SceneView& scene;
   uint32_t first_slot;
@@ -166,7 +166,7 @@ struct AskMaterial {
 
   template <class T>
   DST_HD MaterialSample operator()() const {
-    T bsdf = load_bsdf<T>(scene, first_slot, texture, std::make_index_sequence<T::params.size()>{});
+    T bsdf = load_bsdf<T, textured>(scene, first_slot, texture, std::make_index_sequence<T::params.size()>{});
     BsdfContext context = point.context;
     if constexpr (requires { bsdf.needs_wavelength(); }) {
       if (context.wavelength == 0 && bsdf.needs_wavelength())

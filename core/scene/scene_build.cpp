@@ -317,6 +317,9 @@ void SceneBuilder::make_view() {
   }
   v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
   v.simple = v.clear_shadows && v.common_materials && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasDetail));
+  v.plain = v.simple && std::all_of(a.slots.begin(), a.slots.end(), [](const Slot& s) { return s.is_constant(); }) &&
+            std::all_of(a.materials.begin(), a.materials.end(),
+                        [](const MaterialRecord& m) { return m.type < PlainMaterials::size; });
 }
 
 LeafKind Scene::leaf_kind() const {

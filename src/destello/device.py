@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from destello.errors import DeviceError, ImageTooLarge
 # Bytes a pixel, at most, while a render runs: two films (the sums and the pass being rendered) and the finished arrays.
 _PIXEL_BYTES = 2 * 72 + 48
 _PIXEL_BYTES_AOVS = 2 * 64 + 32
+_warm: set[str] = set()  # requests that `warm_up` has seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,21 @@ def choose(request: str = "auto") -> Device:
         problem = cuda_problem() or "there is no such CUDA device"
         raise DeviceError(f"cannot be used ({problem})", place="device", value=request, expected=accepted)
     raise DeviceError("unknown device", place="device", value=request, expected=accepted)
+
+
+def warm_up(request: str = "auto") -> None:
+    """Begins to make a CUDA device ready, in the background, while a scene is read: that takes tenths of a second.
+
+    Nothing happens where there is none. What goes wrong is left to `choose`, which then says so.
+    """
+    from destello import _core
+
+    name = str(request).strip().lower()
+    if name in _warm or not _core.has_cuda or not re.fullmatch(r"auto|cuda(:\d{1,3})?", name):
+        return
+    _warm.add(name)
+    index = int(name.partition(":")[2] or 0)
+    threading.Thread(target=_core.cuda_warm_up, args=(index,), name="destello-warm-up").start()
 
 
 def available_memory() -> int | None:

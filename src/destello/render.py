@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from destello import device as devices
 from destello._version import __version__
 from destello.color_spaces import converted
 from destello.errors import InputError, OutputError, RenderError
@@ -121,6 +122,7 @@ def render(
     preview_target = preview if isinstance(preview, Target) or preview is None else Target.of(preview)
     outputs = _Outputs(preview_target, _film_path(resume), _film_path(rescue))
     outputs.check()
+    devices.warm_up(device)
     scene = _open(scene, allow_missing=allow_missing, allow_external=allow_external)
     if working_space is not None:
         scene = scene.copy()

@@ -12,6 +12,7 @@ import pytest
 
 import destello as dl
 import mitsuba_scenes as theirs
+from gltf_scenes import material_of
 from mitsuba_compare import compare
 from scene_files import Gltf, encode_image
 
@@ -53,6 +54,16 @@ def glass_and_metal():
 def test_glass_and_metal(device):
     """Rough metal at alpha 0.04, where height-correlated and separable masking (Mitsuba's) are the same."""
     compare(glass_and_metal(), theirs.glass_and_metal(), device, spp=256, max_depth=10)
+
+
+def test_gltf_metals_are_disneys(device, tmp_path):
+    """Schlick's Fresnel term on a GGX reflection of alpha roughness^2: `principled` without its other lobes."""
+    scene = glass_and_metal()
+    del scene.shapes[2]
+    for i, (color, roughness) in ((2, (theirs.GOLD, 0.25)), (3, (theirs.STEEL, 0.2))):
+        pbr = {"baseColorFactor": [*color, 1], "metallicFactor": 1, "roughnessFactor": roughness}
+        scene.shapes[i] = scene.shapes[i].replace(material=material_of(Gltf(), tmp_path, pbrMetallicRoughness=pbr))
+    compare(scene, theirs.principled_metals(), device, spp=64, max_depth=6)
 
 
 # --- a glTF model under an HDR image ----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from destello.formats import LoadOptions
 from destello.io import obj
 from destello.nodes import Node
+from destello.schema import schema
 from scene_files import corner_image, encode_image
 
 BLENDER = "# Blender 4.1.1 MTL File: 'x.blend'\n# www.blender.org\n"
@@ -53,3 +55,41 @@ def test_blender_bump_is_a_normal_map_and_others_are_not(tmp_path: Path) -> None
 
 def test_glass_of_other_programs_stays_glass(tmp_path: Path) -> None:
     assert blender_material(tmp_path, "Ni 1.4\nd 0.5\nillum 9\n", header="# by hand").type == "dielectric"
+
+
+# --- the PBR extension ------------------------------------------------------------------------------------------------
+
+
+def test_pbr_extension_without_layers(tmp_path: Path) -> None:
+    """What Blender writes for a plain material."""
+    lines = "Kd 0.8 0.7 0.2\nPr 0.4\nPm 1\nPs 0\nPc 0\nPcr 0.03\naniso 0\nanisor 0\n"
+    node = blender_material(tmp_path, lines)
+    assert (node.type, node["metallic"], node["roughness"]) == ("metallic_roughness", 1, 0.4)
+
+
+@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
+def test_pbr_extension_with_layers(tmp_path: Path) -> None:
+    node = blender_material(tmp_path, "Kd 0.8 0.7 0.2\nPr 0.4\nPm 0.5\nPs 0.25\nPc 0.75\nPcr 0.1\n")
+    assert (node.type, node["base_color"], node["base_metalness"]) == ("openpbr", (0.8, 0.7, 0.2), 0.5)
+    assert (node["specular_roughness"], node["fuzz_weight"]) == (0.4, 0.25)
+    assert (node["coat_weight"], node["coat_roughness"]) == (0.75, 0.1)
+    assert (node["coat_ior"], node["coat_darkening"]) == (1.5, 0)
+
+
+@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
+@pytest.mark.parametrize("aniso", [0.3, 1.0])
+def test_anisotropy_has_disneys_widths(aniso: float, tmp_path: Path) -> None:
+    node = blender_material(tmp_path, f"Kd 1 1 1\nPr 0.4\nPm 1\naniso {aniso}\n")
+    aspect = math.sqrt(1 - 0.9 * aniso)
+    ratio = 1 - node["specular_roughness_anisotropy"]
+    along = node["specular_roughness"] ** 2 * math.sqrt(2 / (1 + ratio**2))
+    assert along == pytest.approx(0.4**2 / aspect)
+    assert along * ratio == pytest.approx(0.4**2 * aspect)
+
+
+@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
+def test_maps_of_the_pbr_extension(tmp_path: Path) -> None:
+    (tmp_path / "c.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
+    node = blender_material(tmp_path, "Kd 1 1 1\nPr 0.4\nmap_Pc c.png\nPs 0.5\nmap_Ps -imfchan g c.png\n")
+    assert (node["coat_weight"]["texture"]["path"], node["coat_weight"]["channel"]) == ("c.png", "mean")
+    assert (node["fuzz_weight"]["channel"], node["fuzz_weight"]["scale"]) == ("g", (0.5, 0.5, 0.5))

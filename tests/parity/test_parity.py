@@ -16,7 +16,15 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [*scenes.names(), "textures and media", "normal maps and mixtures", "detailed", "layered", "clouds"]
+SCENES = [
+    *scenes.names(),
+    "textures and media",
+    "normal maps and mixtures",
+    "detailed",
+    "layered",
+    "clouds",
+    "a large tree",
+]
 
 
 def opaque() -> dl.Scene:
@@ -143,12 +151,18 @@ def layered() -> dl.Scene:
     return s
 
 
+def large() -> dl.Scene:
+    """A tree in which the queue kernel keeps rays over turns, shadow rays too."""
+    return scenes.build("interior", 0.05)
+
+
 MADE = {
     "textures and media": everything,
     "normal maps and mixtures": opaque,
     "detailed": detailed,
     "layered": layered,
     "clouds": clouds,
+    "a large tree": large,
 }
 
 
@@ -197,7 +211,9 @@ def test_same_picture(name: str, sampling: str, features: bool) -> None:
         assert np.median(difference) <= 1e-4 * max(1.0, float(np.abs(cpu.aov(aov)).max()))
 
 
-@pytest.mark.parametrize("name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "clouds"])
+@pytest.mark.parametrize(
+    "name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "clouds", "a large tree"]
+)
 def test_bits_do_not_depend_on_the_split(name: str) -> None:
     core, settings, height = compiled(name)
     whole = film(core, "cuda:0", height, settings).state()
@@ -212,7 +228,7 @@ MEDIA = ("book2", "cornell-smoke", "cloud", "fire")
 CLEAR = [n for n in scenes.names() if n not in MEDIA]  # shadow rays pass neither media nor holes
 
 
-@pytest.mark.parametrize("name", [*CLEAR, "normal maps and mixtures"])
+@pytest.mark.parametrize("name", [*CLEAR, "normal maps and mixtures", "a large tree"])
 def test_queues_and_fused_render_the_same(name: str) -> None:
     """The same stages on the same numbers; but the compiler may fuse other multiplications and additions in each."""
     core, settings, height = compiled(name)

@@ -28,7 +28,7 @@ def common(shared):
 
 
 def test_they_are_apart_from_the_books_scenes():
-    assert NAMES == ["mesh1m", "instances", "instances-100", "terrain", "interior"]
+    assert NAMES == ["mesh1m", "instances", "instances-100", "instances-100-large", "terrain", "interior"]
     assert not set(NAMES) & set(dl.scenes.names())
     assert all(line.endswith(".") and len(line) < 100 for line in dl.scenes.describe_benchmarks().values())
     with pytest.raises(dl.InputError, match="did you mean 'terrain'"):

@@ -43,7 +43,7 @@ def test_products_are_those_of_the_working_space():
     assert np.abs(found - seen(scene)).max() > 0.02
 
 
-@pytest.mark.parametrize("kind", ["srgb", "acescg", "vertex", "checker"])
+@pytest.mark.parametrize("kind", ["srgb", "acescg", "vertex", "checker", "scaled"])
 def test_textures_and_vertex_colours(kind):
     texels = np.full((2, 2, 3), GREEN, np.float32)
     if kind == "srgb":
@@ -51,6 +51,8 @@ def test_textures_and_vertex_colours(kind):
         texture, expected = dl.textures.image(stored), dl.color.decode(stored[0, 0] / np.float32(255))
     elif kind == "acescg":
         texture, expected = dl.textures.image(converted(texels, "rec709", "acescg"), color_space="acescg"), GREEN
+    elif kind == "scaled":
+        texture, expected = dl.textures.scaled(dl.textures.image(np.ones((2, 2, 3), np.float32)), scale=GREEN), GREEN
     elif kind == "checker":
         texture, expected = dl.textures.checker(even=GREEN, odd=GREEN), GREEN
     else:
@@ -81,6 +83,19 @@ def test_images_of_environments():
         scene.environment = dl.environments.image(image=dl.textures.image(texels, color_space=space))
         for working in ("rec709", "acescg"):
             np.testing.assert_allclose(seen(scene, working_space=working), GREEN, rtol=5e-3, atol=1e-3)
+
+
+def test_defaults_are_colours_too():
+    scene = lit(1.0)
+    scene.shapes.clear()
+    scene.environment = dl.environments.gradient()  # white to (0.5, 0.7, 1)
+    np.testing.assert_allclose(seen(scene, working_space="acescg"), seen(scene), rtol=1e-4)
+    assert np.ptp(seen(scene)) > 0.1
+
+
+def test_albedo_comes_back():
+    image = dl.render(lit(GREEN), size=(8, 8), spp=4, progress=False, aov="albedo", working_space="acescg")
+    np.testing.assert_allclose(image.aovs["albedo"][4, 4], GREEN, rtol=1e-3, atol=1e-4)
 
 
 def test_films_of_other_spaces_do_not_mix(tmp_path):

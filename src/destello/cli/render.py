@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from destello.cli import options as o
 from destello.cli.grading import Look
+from destello.device import warm_up
 from destello.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ def render(
     allow_external: o.AllowExternal = False,
 ) -> int:
     """Render a scene to a picture."""
+    warm_up(device)
     arguments = {
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,

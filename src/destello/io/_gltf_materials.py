@@ -2,7 +2,9 @@
 
 The core material is `metallic_roughness`, with KHR_materials_ior, _specular, _transmission, _emissive_strength. Glass
 with a volume (KHR_materials_volume, _dispersion) becomes `dielectric` with absorption inside; KHR_materials_unlit
-becomes `emissive` in the base colour. Luminances are taken for radiances: 1 cd/m^2 is 1 W/(sr m^2).
+becomes `emissive` in the base colour; what has other layers becomes `openpbr` (`_gltf_layers`).
+
+Luminances are taken for radiances: 1 cd/m^2 is 1 W/(sr m^2).
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import math
 import destello.materials as make
 from destello.errors import Error
 from destello.io import _gltf_glossiness as glossiness
+from destello.io import _gltf_layers as layers
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_slots import Value, slot
 from destello.io._gltf_textures import Textures, uv_set
@@ -31,6 +34,7 @@ EXTENSIONS = frozenset(
         "KHR_texture_transform",
         "EXT_texture_webp",
     }
+    | layers.EXTENSIONS
 )
 _TEXTURED = (  # extension, member: where textures may stand; the first present one chooses the uv set
     ("pbrMetallicRoughness", "baseColorTexture"),
@@ -40,6 +44,7 @@ _TEXTURED = (  # extension, member: where textures may stand; the first present 
     ("KHR_materials_transmission", "transmissionTexture"),
     ("KHR_materials_specular", "specularTexture"),
     ("KHR_materials_specular", "specularColorTexture"),
+    *layers.TEXTURED,
     (glossiness.EXTENSION, "diffuseTexture"),
     (glossiness.EXTENSION, "specularGlossinessTexture"),
 )
@@ -108,6 +113,9 @@ class Materials:
             **self._specular(item),
         }
         transmission = self._transmission(item)
+        layered = layers.Layers(item, self._texture, self._remapped, self._note)
+        if layered.needed(transmission) and layers.available(self._note):
+            return make.openpbr(name=name, **layered.params(params, transmission), **surface)
         volume = item.extension("KHR_materials_volume")
         if transmission != 0.0 and volume is not None and volume.number("thicknessFactor", 0.0, low=0) > 0:
             return _glass(item, volume, params, transmission, surface, name)
@@ -180,6 +188,10 @@ class Materials:
     def _texture(self, item: Item, key: str, color_space: str) -> Node | None:
         info = item.item(key)
         return None if info is None else self._images.image(info, color_space)
+
+    def _remapped(self, item: Item, key: str, channel: str, scale: float, offset: float) -> Node | None:
+        info = item.item(key)
+        return None if info is None else self._images.remapped(info, channel, scale, offset)
 
 
 def _texture_infos(item: Item) -> list[Item]:

@@ -1,7 +1,8 @@
 """MTL files, the materials of OBJ: parsed, and turned into destello's.
 
 Decisions where the format leaves room:
-- With Pr, Pm or their maps the material is `metallic_roughness`, Kd its base colour.
+- With Pr, Pm or their maps the material is `metallic_roughness`, Kd its base colour; with Ps, Pc or aniso it is
+  `openpbr` (see `_layers`).
 - illum 4, 6, 7 and 9 are glass of index Ni, tinted by Tf; illum 3, 5 and 8 mirror Ks over the diffuse Kd.
 - Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
@@ -23,10 +24,13 @@ import destello.textures as textures
 from destello.errors import Error, FormatError
 from destello.io._text import numbered_lines, printable
 from destello.nodes import Node
+from destello.schema import schema
 
 _COLORS = ("ka", "kd", "ks", "ke", "tf")
-_NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "illum")
-_MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "norm", "map_bump")
+_NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
+_MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
+_LAYERS = ("ps", "pc", "pcr", "aniso")  # what only OpenPBR has
+_BLENDER_NORMAL = "map_bump"
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
 _WORDS = ("-clamp", "-blendu", "-blendv", "-imfchan", "-type", "-cc")
@@ -91,6 +95,9 @@ class _Parser:
             return
         if not self.materials:
             raise FormatError(f"{keyword} before the first newmtl", file=self.file, line=number, expected="newmtl")
+        if keyword.removeprefix("map_") in _LAYERS and "openpbr" not in schema().kinds["material"]:
+            self.ignored[keyword] += 1  # this build has no such material
+            return
         material = self.materials[-1]
         if keyword in _COLORS and words[:1] not in (["spectral"], ["xyz"]):
             red, *others = self._numbers(keyword, words, number, (1, 3))
@@ -100,8 +107,10 @@ class _Parser:
             material.numbers[keyword] = value
             if keyword in ("d", "tr"):
                 material.opacity = min(max(value if keyword == "d" else 1.0 - value, 0.0), 1.0)
-        elif keyword in _MAPS and (keyword != "map_bump" or material.blender):
-            material.maps["norm" if keyword == "map_bump" else keyword] = self._map(words, line, number)
+        elif keyword in _MAPS:
+            material.maps[keyword] = self._map(words, line, number)
+        elif keyword == _BLENDER_NORMAL and material.blender:
+            material.maps["norm"] = self._map(words, line, number)
         elif keyword not in _UNSEEN:
             self.ignored[keyword[:20]] += 1
 
@@ -173,6 +182,10 @@ def _convert(material: Material) -> Node:
     glass = illum in _GLASS and not (material.blender and illum in _BLENDER_CLEAR)
     surface = _surface(material, glass=glass)
     ks = tuple(min(max(k, 0.0), 1.0) for k in material.colors.get("ks", (0.0, 0.0, 0.0)))
+    layers = _layers(material)
+    if layers:
+        core = {"base_color": base, "base_metalness": _number(material, "pm", 0.0)}
+        return make.openpbr(name=name, **core, **layers, **surface)
     if {"pr", "pm"} & numbers.keys() or {"map_pr", "map_pm"} & maps.keys():
         metallic = _number(material, "pm", 0.0)
         roughness = _number(material, "pr", _roughness(material))
@@ -217,6 +230,32 @@ def _mirror(
     if not textured:
         base = tuple(min(b / (1.0 - share), 1.0) for b in base)
     return make.mix(first=make.diffuse(reflectance=base, **surface), second=mirror, amount=min(share, 1.0), name=name)
+
+
+def _layers(material: Material) -> dict[str, Value]:
+    """The PBR extension's sheen (Ps), clearcoat (Pc, Pcr) and anisotropy as OpenPBR's, with its roughness; {}: none.
+
+    GGX's widths are alpha / q and alpha q, q^2 = 1 - 0.9 aniso, as in Disney's material, which the extension follows
+    (B. Burley, "Physically-Based Shading at Disney", 2012); the coat has index 1.5. The rotation anisor is left out.
+    """
+    sheen, coat, aniso = (_number(material, key, 0.0) for key in ("ps", "pc", "aniso"))
+    if (sheen, coat, aniso) == (0.0, 0.0, 0.0):
+        return {}
+    roughness = _number(material, "pr", _roughness(material))
+    made: dict[str, Value] = {"specular_roughness": roughness}
+    if sheen != 0.0:
+        made["fuzz_weight"] = sheen
+    if coat != 0.0:
+        made |= {"coat_weight": coat, "coat_roughness": _number(material, "pcr", 0.0), "coat_ior": 1.5}
+        made["coat_darkening"] = 0.0
+    if aniso != 0.0:
+        made["specular_roughness_anisotropy"] = aniso
+        if isinstance(aniso, float):
+            square = 1.0 - 0.9 * aniso
+            made["specular_roughness_anisotropy"] = 0.9 * aniso
+            if isinstance(roughness, float):
+                made["specular_roughness"] = min(roughness * ((1 / square + square) / 2) ** 0.25, 1.0)
+    return made
 
 
 def _roughness(material: Material) -> float:

@@ -79,7 +79,13 @@ def instances_100(detail: float = 1.0) -> Scene:
     return _instances("instances-100", 10, detail)
 
 
-def _instances(name: str, side: int, detail: float) -> Scene:
+@benchmark("instances-100-large", "A hundred instances ten times as large: they cover as much as ten thousand.")
+def instances_100_large(detail: float = 1.0) -> Scene:
+    """10 by 10 instances, ten times as large and as far apart. With detail, the rock's triangles become fewer."""
+    return _instances("instances-100-large", 10, detail, size=10)
+
+
+def _instances(name: str, side: int, detail: float, size: float = 1) -> Scene:
     import destello as dl
     from destello.scenes.meshes import rock
 
@@ -91,13 +97,13 @@ def _instances(name: str, side: int, detail: float) -> Scene:
     made.add(dl.shapes.quad((-300, 0, 300), (600, 0, 0), (0, 0, -600), material=ground, name="ground"))
     shape = rock(scaled(32, detail), 11, height=0.5, scale=1.6, octaves=6)
     made.group("rock", [mesh(shape, clay, "rock")])
-    for place in _places(side):
+    for place in _places(side, size):
         made.add(dl.shapes.instance("rock", transform=dl.matrix(place)))
     return made
 
 
-def _places(side: int) -> NDArray[np.float64]:
-    """Matrices (side², 4, 4): a jittered grid in the xz plane, turned at random, a quarter to half the size."""
+def _places(side: int, size: float) -> NDArray[np.float64]:
+    """Matrices (side², 4, 4): a jittered grid in the xz plane, turned at random, a quarter to half of `size`."""
     random = np.random.default_rng(3)
     grid = (np.arange(side) - (side - 1) / 2) * 1.05
     count = side * side
@@ -108,6 +114,7 @@ def _places(side: int) -> NDArray[np.float64]:
     places = np.zeros((count, 4, 4))
     places[:, :3, :3] = _rotations(turns) * scale[:, None, None]
     places[:, :3, 3] = np.stack([x, 0.85 * scale, z], axis=1)
+    places[:, :3] *= size
     places[:, 3, 3] = 1
     return places
 

@@ -1,0 +1,15 @@
+// The launch of the fused kernel; the files in kernels/ instantiate it.
+#pragma once
+
+#include "backend/cuda_fused.cuh"
+
+namespace destello {
+
+template <bool kAovs>
+Wave launch_fused(const KernelParams& p, int multiprocessors) {
+  const uint64_t blocks = launch_kernel(fused_kernel<kAovs>, p, kFusedThreads, 0,
+                                        (p.items + kFusedThreads - 1) / kFusedThreads, multiprocessors);
+  return {blocks * kFusedThreads, sizeof(Path) + sizeof(Hit) + kFilmChannels * sizeof(double)};
+}
+
+}  // namespace destello

@@ -1,0 +1,8 @@
+// The fused kernel, with features.
+#include "backend/cuda_fused_launch.cuh"
+
+namespace destello {
+
+template Wave launch_fused<true>(const KernelParams&, int);
+
+}  // namespace destello

@@ -1,0 +1,8 @@
+// The queue kernel for plain scenes of spheres alone.
+#include "backend/cuda_queues_launch.cuh"
+
+namespace destello {
+
+template Wave launch_queues<false, SceneKind::Plain, LeafKind::Spheres>(const KernelParams&, int);
+
+}  // namespace destello

@@ -1,0 +1,8 @@
+// The queue kernel for plain scenes of triangles alone, lights being sampled.
+#include "backend/cuda_queues_launch.cuh"
+
+namespace destello {
+
+template Wave launch_queues<true, SceneKind::Plain, LeafKind::Triangles>(const KernelParams&, int);
+
+}  // namespace destello

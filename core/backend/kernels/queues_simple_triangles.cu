@@ -1,0 +1,8 @@
+// The queue kernel for simple scenes of triangles alone.
+#include "backend/cuda_queues_launch.cuh"
+
+namespace destello {
+
+template Wave launch_queues<false, SceneKind::Simple, LeafKind::Triangles>(const KernelParams&, int);
+
+}  // namespace destello
