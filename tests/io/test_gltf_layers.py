@@ -14,11 +14,8 @@ import destello as dl
 from destello.errors import FormatError
 from destello.io._gltf_layers import single_scatter_albedo
 from destello.nodes import Node
-from destello.schema import schema
 from gltf_scenes import material_of, scene_with
 from scene_files import Gltf, corner_image, encode_image
-
-pytestmark = pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
 
 
 def layered(folder: Path, pbr: dict[str, Any] | None = None, g: Gltf | None = None, **extensions: Any) -> Node:

@@ -10,7 +10,6 @@ import pytest
 from destello.formats import LoadOptions
 from destello.io import obj
 from destello.nodes import Node
-from destello.schema import schema
 from scene_files import corner_image, encode_image
 
 BLENDER = "# Blender 4.1.1 MTL File: 'x.blend'\n# www.blender.org\n"
@@ -67,7 +66,6 @@ def test_pbr_extension_without_layers(tmp_path: Path) -> None:
     assert (node.type, node["metallic"], node["roughness"]) == ("metallic_roughness", 1, 0.4)
 
 
-@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
 def test_pbr_extension_with_layers(tmp_path: Path) -> None:
     node = blender_material(tmp_path, "Kd 0.8 0.7 0.2\nPr 0.4\nPm 0.5\nPs 0.25\nPc 0.75\nPcr 0.1\n")
     assert (node.type, node["base_color"], node["base_metalness"]) == ("openpbr", (0.8, 0.7, 0.2), 0.5)
@@ -76,7 +74,6 @@ def test_pbr_extension_with_layers(tmp_path: Path) -> None:
     assert (node["coat_ior"], node["coat_darkening"]) == (1.5, 0)
 
 
-@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
 @pytest.mark.parametrize("aniso", [0.3, 1.0])
 def test_anisotropy_has_disneys_widths(aniso: float, tmp_path: Path) -> None:
     node = blender_material(tmp_path, f"Kd 1 1 1\nPr 0.4\nPm 1\naniso {aniso}\n")
@@ -87,7 +84,6 @@ def test_anisotropy_has_disneys_widths(aniso: float, tmp_path: Path) -> None:
     assert along * ratio == pytest.approx(0.4**2 * aspect)
 
 
-@pytest.mark.skipif("openpbr" not in schema().kinds["material"], reason="this build has no openpbr")
 def test_maps_of_the_pbr_extension(tmp_path: Path) -> None:
     (tmp_path / "c.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
     node = blender_material(tmp_path, "Kd 1 1 1\nPr 0.4\nmap_Pc c.png\nPs 0.5\nmap_Ps -imfchan g c.png\n")

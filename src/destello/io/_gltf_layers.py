@@ -12,7 +12,6 @@ from collections.abc import Callable
 from destello.io._gltf_json import Item
 from destello.io._gltf_slots import Value, slot
 from destello.nodes import Node
-from destello.schema import schema
 
 EXTENSIONS = frozenset(
     {
@@ -290,14 +289,6 @@ class Layers:
         color = volume.numbers("attenuationColor", 3, (1.0, 1.0, 1.0), low=0)
         distance = volume.number("attenuationDistance", low=1e-30)
         return tuple(min(max(c, _LEAST_TRANSMITTANCE), 1.0) for c in color), distance
-
-
-def available(note: Callable[[str], None]) -> bool:
-    """Whether this build has OpenPBR; without it, says that layers are left out."""
-    if "openpbr" in schema().kinds["material"]:
-        return True
-    note("clearcoat, sheen, iridescence, anisotropy and diffuse transmission are left out: this build has no openpbr")
-    return False
 
 
 def head_on(ior: float) -> float:

@@ -114,7 +114,7 @@ class Materials:
         }
         transmission = self._transmission(item)
         layered = layers.Layers(item, self._texture, self._remapped, self._note)
-        if layered.needed(transmission) and layers.available(self._note):
+        if layered.needed(transmission):
             return make.openpbr(name=name, **layered.params(params, transmission), **surface)
         volume = item.extension("KHR_materials_volume")
         if transmission != 0.0 and volume is not None and volume.number("thicknessFactor", 0.0, low=0) > 0:

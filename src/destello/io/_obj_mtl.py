@@ -24,12 +24,10 @@ import destello.textures as textures
 from destello.errors import Error, FormatError
 from destello.io._text import numbered_lines, printable
 from destello.nodes import Node
-from destello.schema import schema
 
 _COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
 _MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
-_LAYERS = ("ps", "pc", "pcr", "aniso")  # what only OpenPBR has
 _BLENDER_NORMAL = "map_bump"
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
@@ -95,9 +93,6 @@ class _Parser:
             return
         if not self.materials:
             raise FormatError(f"{keyword} before the first newmtl", file=self.file, line=number, expected="newmtl")
-        if keyword.removeprefix("map_") in _LAYERS and "openpbr" not in schema().kinds["material"]:
-            self.ignored[keyword] += 1  # this build has no such material
-            return
         material = self.materials[-1]
         if keyword in _COLORS and words[:1] not in (["spectral"], ["xyz"]):
             red, *others = self._numbers(keyword, words, number, (1, 3))
