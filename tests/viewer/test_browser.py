@@ -57,7 +57,7 @@ def page(browser: Any, viewer: Viewer) -> Iterator[Any]:
 
 def ready(page: Any, viewer: Viewer) -> Session:
     """Waits for the panel and the page's session."""
-    page.get_by_text("Focal length").wait_for()
+    page.get_by_text("Focal length").wait_for(state="attached")
     return until(page, lambda: next(iter(reversed(viewer._app.sessions.values())), None))
 
 
