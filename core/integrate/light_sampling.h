@@ -36,6 +36,7 @@ DST_FN LightPick pick_from_sample(const LightSample& s, Vec3 p, float pick_pdf) 
   return l;
 }
 
+template <bool textured>
 DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p, Vec2 u, float time, float pick_pdf) {
   const AreaLight& light = scene.area_lights[index];
   const LightPoint at = sample_area_light(scene, light, p, u, time);
@@ -46,15 +47,16 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
   l.wi = d * (1.0f / sqrtf(d2));
   const uint32_t material = scene.objects[scene.geometry.leaves[light.leaf].object].material;
   const TextureContext context{at.p, at.uv, at.color};
-  l.radiance = emitted_radiance(scene, material, context, at.ng, -l.wi) *
-               surface_opacity(scene, scene.materials[material], context);
+  l.radiance = emitted_radiance<textured>(scene, material, context, at.ng, -l.wi);
+  if constexpr (textured) l.radiance *= surface_opacity(scene, scene.materials[material], context);
   l.pdf = at.pdf * pick_pdf;
   l.has_target = true;
   l.target = offset_origin(at.p, at.error, at.ng, -l.wi);
   return l;
 }
 
-// Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray.
+// Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray. textured: see emitted_radiance.
+template <bool textured>
 DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick,
                                      Vec2 u) {
   const Span<AliasEntry> table = light_table(scene, mode).pick;
@@ -64,7 +66,7 @@ DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode,
   if (index < scene.first_area_light())
     return pick_from_sample(scene.punctual[index].visit(SamplePunctual{p, u}), p, pick_pdf);
   if (index < scene.environment_light())
-    return pick_area_light(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
+    return pick_area_light<textured>(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
   return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
 }
 
@@ -138,10 +140,11 @@ struct LastScattering {
 };
 
 // Radiance that a surface emits towards the path, weighted. `light`: its number among the area lights, or kNoIndex.
-DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TextureContext at,
+template <bool textured>
+DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TexturePlace at,
                                   Vec3 ng, uint32_t material, uint32_t light) {
   const Vec3 w = -last.direction;
-  const Vec3 radiance = emitted_radiance(scene, material, at, ng, w);
+  const Vec3 radiance = emitted_radiance<textured>(scene, material, {at}, ng, w);
   if (is_black(radiance) || light == kNoIndex || last.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf)
     return radiance;
   const Vec3 from = at.position + w * last.distance;

@@ -100,8 +100,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   LightPick light;
   const Vec3 above = s.p + s.lift;
   if (!(m.flags & kDeltaOnly) && lights_are_sampled(scene, settings))
-    light = pick_light(scene, settings.light_sampling, above, path->ray.time, numbers.light_pick(*path),
-                       numbers.light(*path));
+    light = pick_light<Tracer::kTextured>(scene, settings.light_sampling, above, path->ray.time,
+                                          numbers.light_pick(*path), numbers.light(*path));
   const BentDirection to_light = entering(point, light.wi);
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.density > 0;
   const MaterialSample answer =
@@ -182,10 +182,10 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     }
   }
   if (m.flags & kHasEmission)
-    path->radiance +=
-        path->throughput * hit_emission(scene, settings.light_sampling,
-                                        {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time},
-                                        context, s.ng, index, s.light);
+    path->radiance += path->throughput * hit_emission<Tracer::kTextured>(scene, settings.light_sampling,
+                                                                         {path->ray.direction, path->travelled + hit.t,
+                                                                          path->bsdf_pdf, path->ray.time},
+                                                                         context, s.ng, index, s.light);
   uint32_t outside = kNoIndex;  // the interior that the path comes from, or would go to
   if (m.flags & kIsBoundary) {
     outside = interior_beyond(scene, path->inside, m.interior, s.front);

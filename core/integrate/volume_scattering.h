@@ -94,9 +94,9 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
   }
   const Vec3 p = path->ray.origin + path->ray.direction * flight.distance, wo = -path->ray.direction;
   if (settings.light_sampling != LightSampling::Bsdf) {
-    const LightPick light = pick_light(scene, settings.light_sampling, p, path->ray.time,
-                                       path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
-                                       path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
+    const LightPick light = pick_light<true>(scene, settings.light_sampling, p, path->ray.time,
+                                             path->sampler.get_1d(bounce_dimension(*path, kDimLightPick)),
+                                             path->sampler.get_2d(bounce_dimension(*path, kDimLight)));
     if (light.pdf > 0 && !is_black(light.radiance)) {
       const float f = medium.phase.eval(wo, light.wi);
       const float weight = light_weight(settings.light_sampling, light, f);

@@ -180,11 +180,15 @@ DST_FN Vec3 opacity_tint(const SceneView& scene, const MaterialRecord& m, const 
              Vec3(1));
 }
 
-// Radiance that the material emits at a point towards direction w (away from the surface).
+// Radiance that the material emits at a point towards direction w (away from the surface). textured: some material may have
+// textures; kernels for scenes without them leave out the code, and what registers it takes from who calls it.
+template <bool textured = true>
 DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, TextureContext context, Vec3 ng, Vec3 w) {
   const MaterialRecord& m = scene.materials[material];
   if (!(m.flags & kHasEmission) || (dot(ng, w) <= 0 && !(m.flags & kEmissionTwoSided))) return {};
-  return eval_slot(scene.textures.slots[m.surface_slot + kEmissionSlot], context, scene.textures, false);
+  const Slot& slot = scene.textures.slots[m.surface_slot + kEmissionSlot];
+  if constexpr (!textured) return slot.value;
+  return eval_slot(slot, context, scene.textures, false);
 }
 
 }  // namespace destello

@@ -12,11 +12,14 @@
 namespace destello {
 
 // Where a texture is evaluated.
-struct TextureContext {
+struct TexturePlace {
   Vec3 position;                  // world space, metres
   Vec2 uv;                        // as the mesh stores it; v = 0 at the bottom (images: see image.h)
   Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear
-  float footprint = 0;            // side of the square of uv that the ray stands for; 0: a point
+};
+// With what there is to filter.
+struct TextureContext : TexturePlace {
+  float footprint = 0;  // side of the square of uv that the ray stands for; 0: a point
 };
 
 // How images keep their texels.

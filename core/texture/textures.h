@@ -61,8 +61,9 @@ struct EvalTexture {
 };
 
 // The value of a slot with a texture: the chain of selectors down to a leaf or a constant, multiplied up; then the outer
-// slot's channel, scale and vertex colour. Arguments by value, so that the caller's stay in registers.
-DST_NOINLINE Vec3 eval_textured_slot(Slot slot, TextureContext context, TextureData data, bool as_scalar) {
+// slot's channel, scale and vertex colour.
+DST_NOINLINE Vec3 eval_textured_slot(Slot slot, const TextureContext& context, const TextureData& data,
+                                     bool as_scalar) {
   Vec4 value{1, 1, 1, 1};
   for (Slot s = slot; s.has_texture();) {
     const TextureRecord r = data.textures[s.texture()];
