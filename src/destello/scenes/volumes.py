@@ -82,9 +82,9 @@ def fire() -> Scene:
 
     import destello as dl
 
-    low, high = (-0.7, 0.0, -0.7), (0.7, 2.4, 0.7)
+    low, high = (-0.7, -0.02, -0.7), (0.7, 2.4, 0.7)  # its floor below the ground: coinciding boundaries are not supported
     points = box_points((40, 72, 40), low, high)
-    height = points[..., 1]
+    height = np.maximum(points[..., 1], 0)
     sway = 0.12 * height[..., None] * (fractal_noise(points * (1.5, 1, 1.5) + 3, 2)[..., None] - 0.5) * (4, 0, 4)
     radius = np.linalg.norm((points + sway)[..., ::2], axis=-1)
     flame = 1 - radius / (0.42 * np.sqrt(height + 0.05) * np.exp(-0.55 * height) + 0.04) - 0.22 * height
