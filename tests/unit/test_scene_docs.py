@@ -25,7 +25,9 @@ def test_examples_load(source: str, tmp_path: Path) -> None:
     (tmp_path / "wood.png").write_bytes(b"")
     for name in re.findall(r"demo\.data/(\w+\.npz)", source):
         (tmp_path / "demo.data").mkdir()
-        np.savez(tmp_path / "demo.data" / name, positions=np.eye(3, dtype=np.float32), indices=np.uint32([[0, 1, 2]]))
+        mesh = {"positions": np.eye(3, dtype=np.float32), "indices": np.uint32([[0, 1, 2]])}
+        volume = {"density": np.ones((2, 2, 2), np.float32)}
+        np.savez(tmp_path / "demo.data" / name, **(volume if name == "smoke.npz" else mesh))
     path = tmp_path / "demo.yaml"
     path.write_text(source, encoding="utf-8")
     assert dl.load(path).shapes
