@@ -91,7 +91,7 @@ def test_never_more_than_came(params: dict[str, Any], view: tuple[float, float],
     assert np.isfinite(s.weight).all()
     assert (s.weight[s.ok] >= 0).all()
     albedo, slack = mean_power(c, view)
-    # Anisotropic facets are given back what isotropic ones lose: up to 8 % too much for glass of index 2, seen from inside.
+    # Anisotropic facets are given back what isotropic ones lose: up to 8 % too much for glass of index 2, from inside.
     anisotropic = params["specular_roughness_anisotropy"] > 0 or params["coat_roughness_anisotropy"] > 0
     assert (albedo <= (1.1 if anisotropic else 1.03) + slack).all()
 
