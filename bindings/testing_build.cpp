@@ -1,5 +1,6 @@
 // Trees by themselves, for pytest and benches: built over boxes or triangles on the host or a GPU, traced, and refitted.
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <chrono>
@@ -9,6 +10,7 @@
 
 #include "accel/bvh_build.h"
 #include "accel/bvh_refit.h"
+#include "accel/slots.h"
 #include "accel/traversal.h"
 #include "bindings/register.h"
 #include "bindings/testing_support.h"
@@ -183,9 +185,25 @@ nb::dict trace(const LooseTree& tree, const Rows& origins, const Rows& direction
   return d;
 }
 
+// The slots of a node's children with these boxes, up to eight rows.
+std::vector<uint32_t> slots_of(const Rows& lo, const Rows& hi) {
+  need_columns(lo, 3);
+  need_columns(hi, 3);
+  if (lo.shape(0) != hi.shape(0) || lo.shape(0) > 8) throw std::invalid_argument("slots: at most 8 boxes");
+  Bounds parent;
+  Subtree children[8];
+  const uint32_t count = static_cast<uint32_t>(lo.shape(0));
+  for (uint32_t i = 0; i < count; ++i) parent.grow(children[i].bounds = {row3(lo, i), row3(hi, i)});
+  const uint32_t slots = assign_slots(parent, children, count);
+  std::vector<uint32_t> result;
+  for (uint32_t i = 0; i < count; ++i) result.push_back(slots >> (4 * i) & 15);
+  return result;
+}
+
 }  // namespace
 
 void register_testing_build(nb::module_& m) {
+  m.def("slots", &slots_of, nb::arg("lo"), nb::arg("hi"));
   nb::class_<LooseTree>(m, "Tree")
       .def_static("over_boxes", &box_tree, nb::arg("lo"), nb::arg("hi"), nb::kw_only(), nb::arg("quality") = "balanced",
                   nb::arg("threads") = 0, nb::arg("cuda_device") = -1)

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "accel/box_tree.h"
+#include "accel/slots.h"
 #include "accel/wide_cut.h"
 #include "accel/wide_node.h"
 #include "base/parallel.h"

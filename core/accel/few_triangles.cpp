@@ -2,7 +2,7 @@
 
 namespace destello {
 
-std::vector<FewTriangle> few_triangles(const std::vector<LeafPrimitive>& leaves, uint32_t first) {
+std::vector<FewTriangle> few_triangles(const RawVector<LeafPrimitive>& leaves, uint32_t first) {
   std::vector<FewTriangle> few;
   if (leaves.size() - first > kFewTriangles) return few;
   for (uint32_t i = first; i < leaves.size(); ++i) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "accel/geometry.h"
+#include "base/raw_vector.h"
 
 namespace destello {
 
@@ -17,6 +18,6 @@ struct FewTriangle {
 inline constexpr uint32_t kFewTriangles = 64;
 
 // The leaf primitives from `first` on, if they are a few resting triangles; else none.
-std::vector<FewTriangle> few_triangles(const std::vector<LeafPrimitive>& leaves, uint32_t first);
+std::vector<FewTriangle> few_triangles(const RawVector<LeafPrimitive>& leaves, uint32_t first);
 
 }  // namespace destello

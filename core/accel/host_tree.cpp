@@ -15,10 +15,10 @@ namespace {
 
 struct HostTreeBuilder {
   const std::vector<Node8>& nodes;
-  const std::vector<LeafPrimitive>& leaves;
+  const RawVector<LeafPrimitive>& leaves;
   const std::vector<uint32_t>& blocks_of_node;
   RawVector<HostUnit>* units;
-  std::vector<HostTarget>* targets;
+  RawVector<HostTarget>* targets;
 
   bool all_triangles(const Node8& node, uint32_t n) const {
     const LeafPrimitive* first = leaves.data() + node.first_leaf;
@@ -92,9 +92,9 @@ struct HostTreeBuilder {
 
 }  // namespace
 
-void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+void build_host_tree(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                      const std::vector<uint32_t>& blocks_of_node, uint32_t threads, RawVector<HostUnit>* units,
-                     std::vector<HostTarget>* targets) {
+                     RawVector<HostTarget>* targets) {
   const HostTreeBuilder builder{nodes, leaves, blocks_of_node, units, targets};
   targets->resize(nodes.size());
   // Each part of the nodes counts its units from 0 first.
@@ -129,9 +129,9 @@ void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrim
   });
 }
 
-void update_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+void update_host_tree(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                       const std::vector<uint32_t>& blocks_of_node, uint32_t first, RawVector<HostUnit>* units,
-                      std::vector<HostTarget>* targets) {
+                      RawVector<HostTarget>* targets) {
   const HostTreeBuilder builder{nodes, leaves, blocks_of_node, units, targets};
   uint32_t unit = (*targets)[first].place();
   targets->resize(nodes.size());

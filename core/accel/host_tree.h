@@ -57,14 +57,14 @@ static_assert(kNodeUnits == 4 && kBlockUnits == 5);
 
 // Fills `units`, and for each node of `nodes` the target that stands for it. blocks_of_node: as build_sphere_blocks made it.
 // Throws std::length_error if targets cannot tell so many apart.
-void build_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+void build_host_tree(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                      const std::vector<uint32_t>& blocks_of_node, uint32_t threads, RawVector<HostUnit>* units,
-                     std::vector<HostTarget>* targets);
+                     RawVector<HostTarget>* targets);
 
 // Brings `units` and `targets` up to date after the tree that fills `nodes` from `first` to the end was built anew, or has new
 // boxes, and its root was copied to node 0. The nodes before it are as they were. All its leaves are instances.
-void update_host_tree(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+void update_host_tree(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                       const std::vector<uint32_t>& blocks_of_node, uint32_t first, RawVector<HostUnit>* units,
-                      std::vector<HostTarget>* targets);
+                      RawVector<HostTarget>* targets);
 
 }  // namespace destello

@@ -167,7 +167,7 @@ class SahBuilder {
       if (median_only_) {
         halve(r, &left, &right, &left_box, &right_box);
       } else if (r.count <= kFew) {
-        r.split(split_few(items(r), r.count, &left_box, &right_box), &left, &right);
+        r.split(split_few(items(r), r.count, fast_, &left_box, &right_box), &left, &right);
       } else if (!split_binned(r, &left, &right, &left_box, &right_box)) {
         halve(r, &left, &right, &left_box, &right_box);
       }
@@ -203,8 +203,7 @@ class SahBuilder {
   }
   // At the median of the widest axis.
   void halve(const Range& r, Range* left, Range* right, QuadBox* left_box, QuadBox* right_box) {
-    const Quad e = r.centers.hi - r.centers.lo;
-    const int axis = e[0] >= e[1] && e[0] >= e[2] ? 0 : e[1] >= e[2] ? 1 : 2;
+    const int axis = r.centers.widest();
     SplitItem* const first = items(r);
     std::nth_element(first, first + r.count / 2, first + r.count, [axis](const SplitItem& a, const SplitItem& b) {
       const float x = a.center()[axis], y = b.center()[axis];

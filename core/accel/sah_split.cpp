@@ -68,17 +68,20 @@ void Bins::sides(const BinGrid& grid, const Split& split, QuadBox* left, QuadBox
   }
 }
 
-uint32_t split_few(SplitItem* items, uint32_t count, QuadBox* left, QuadBox* right) {
+uint32_t split_few(SplitItem* items, uint32_t count, bool one_axis, QuadBox* left, QuadBox* right) {
   if (count == 2) {
     *left = items[0].box, *right = items[1].box;
     return 1;
   }
   Quad centers[kFew];
-  for (uint32_t i = 0; i < count; ++i) centers[i] = items[i].center();
+  QuadBox around;
+  for (uint32_t i = 0; i < count; ++i) around.grow(centers[i] = items[i].center());
+  const int widest = around.widest();
   uint8_t best_order[kFew];
   uint32_t best_count = 0;
   float best_cost = kInfinity;
   for (int axis = 0; axis < 3; ++axis) {
+    if (one_axis && axis != widest) continue;
     uint8_t order[kFew];
     float keys[kFew];
     for (uint32_t i = 0; i < count; ++i) {

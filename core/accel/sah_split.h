@@ -25,6 +25,10 @@ struct QuadBox {
     const Quad e = hi - lo, turned = {e[1], e[2], e[0], 0}, products = e * turned;
     return products[0] + products[1] + products[2];
   }
+  int widest() const {
+    const Quad e = hi - lo;
+    return e[0] >= e[1] && e[0] >= e[2] ? 0 : e[1] >= e[2] ? 1 : 2;
+  }
   Bounds bounds() const { return {{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}}; }
 };
 
@@ -57,7 +61,7 @@ struct BinGrid {
   // one_axis: only the widest one is divided.
   BinGrid(const QuadBox& centers, int bins_, bool one_axis) : lo(centers.lo), scale(quad(0)), bins(bins_) {
     const Quad extent = centers.hi - centers.lo;
-    const int widest = extent[0] >= extent[1] && extent[0] >= extent[2] ? 0 : extent[1] >= extent[2] ? 1 : 2;
+    const int widest = centers.widest();
     for (int k = 0; k < 3; ++k) {
       const float s = static_cast<float>(bins) / extent[k];
       if (extent[k] > 0 && s < kInfinity && (!one_axis || k == widest)) scale[k] = s;
@@ -84,8 +88,8 @@ struct Bins {
 };
 
 // Sorts up to kFew items (at least two) along the axis of the cheapest of all splits, and returns how many go left, with
-// boxes around both sides.
+// boxes around both sides. one_axis: only the splits along the widest one are looked at.
 inline constexpr uint32_t kFew = 8;
-uint32_t split_few(SplitItem* items, uint32_t count, QuadBox* left, QuadBox* right);
+uint32_t split_few(SplitItem* items, uint32_t count, bool one_axis, QuadBox* left, QuadBox* right);
 
 }  // namespace destello

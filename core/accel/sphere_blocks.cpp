@@ -24,7 +24,7 @@ SphereBlock make_block(const LeafPrimitive* spheres, uint32_t first, uint32_t co
 
 }  // namespace
 
-bool build_sphere_blocks(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+bool build_sphere_blocks(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                          std::vector<SphereBlock>* blocks, std::vector<uint32_t>* blocks_of_node) {
   bool all = true;
   blocks->clear();

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "accel/bvh.h"
+#include "base/raw_vector.h"
 
 namespace destello {
 
@@ -19,7 +20,7 @@ struct alignas(32) SphereBlock {
 
 // Fills `blocks`, and for each node its entry of GeometryView::blocks_of_node. A node has blocks if all of its leaf
 // primitives are spheres and there are some. Returns whether there are blocks and they hold all leaf primitives of all nodes.
-bool build_sphere_blocks(const std::vector<Node8>& nodes, const std::vector<LeafPrimitive>& leaves,
+bool build_sphere_blocks(const std::vector<Node8>& nodes, const RawVector<LeafPrimitive>& leaves,
                          std::vector<SphereBlock>* blocks, std::vector<uint32_t>* blocks_of_node);
 
 }  // namespace destello

@@ -18,7 +18,7 @@ struct Item {
   uint32_t leaf;
 };
 
-Item make_item(const std::vector<LeafPrimitive>& leaves, uint32_t i) {
+Item make_item(const RawVector<LeafPrimitive>& leaves, uint32_t i) {
   const LeafPrimitive& p = leaves[i];
   assert(p.kind() == PrimitiveKind::Sphere);
   Item item;
@@ -75,7 +75,7 @@ size_t split(Item* items, size_t n) {
 
 }  // namespace
 
-SphereTreeArrays build_sphere_tree(const std::vector<LeafPrimitive>& leaves) {
+SphereTreeArrays build_sphere_tree(const RawVector<LeafPrimitive>& leaves) {
   std::vector<Item> items;
   for (uint32_t i = 0; i < leaves.size(); ++i) items.push_back(make_item(leaves, i));
   struct Range {

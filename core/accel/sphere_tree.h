@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "accel/bvh.h"
+#include "base/raw_vector.h"
 
 namespace destello {
 
@@ -17,6 +18,6 @@ struct SphereTreeArrays {
 };
 
 // `leaves`: spheres, one at least.
-SphereTreeArrays build_sphere_tree(const std::vector<LeafPrimitive>& leaves);
+SphereTreeArrays build_sphere_tree(const RawVector<LeafPrimitive>& leaves);
 
 }  // namespace destello

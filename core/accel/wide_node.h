@@ -36,26 +36,26 @@ DST_FN uint32_t choose_children(const Tree& tree, const Subtree& root, Subtree* 
     children[0] = root;
     return root.count;
   }
-  enum : uint8_t { kClosed, kLeaf, kInner };
-  uint8_t kind[8];
-  float area[8];
+  // Keys: 0 is not to be opened; else areas, those of subtrees that fit a leaf below all others.
+  constexpr uint32_t kInner = 1u << 31;
+  uint32_t key[8] = {};
   const auto put = [&](uint32_t at, uint32_t index) {
-    const Subtree s = tree(index);
-    children[at] = s;
-    area[at] = s.bounds.half_area();
-    kind[at] = s.count == 1                                                    ? kClosed
-               : !s.is_inner()                                                 ? kLeaf
-               : blurs(root.bounds, tree(s.left).bounds, tree(s.right).bounds) ? kClosed
-                                                                               : kInner;
+    const Subtree s = children[at] = tree(index);
+    const uint32_t area = static_cast<uint32_t>(float_to_bits(s.bounds.half_area())) + 1;
+    const bool closed = s.count == 1 || (s.is_inner() && blurs(root.bounds, tree(s.left).bounds, tree(s.right).bounds));
+    key[at] = closed ? 0 : s.is_inner() ? area | kInner : area;
   };
   put(0, root.left);
   put(1, root.right);
   uint32_t count = 2;
   while (count < 8) {
-    uint32_t best = 0;
-    for (uint32_t i = 1; i < count; ++i)
-      if (kind[i] != kind[best] ? kind[i] > kind[best] : area[i] > area[best]) best = i;
-    if (kind[best] == kClosed) break;
+    uint32_t best = 0, largest = 0;
+    DST_UNROLL
+    for (uint32_t i = 0; i < 8; ++i) {
+      best = key[i] > largest ? i : best;
+      largest = key[i] > largest ? key[i] : largest;
+    }
+    if (largest == 0) break;
     const Subtree opened = children[best];
     put(best, opened.left);
     put(count++, opened.right);
@@ -63,7 +63,8 @@ DST_FN uint32_t choose_children(const Tree& tree, const Subtree& root, Subtree* 
   return count;
 }
 
-// The free slot whose octant lies furthest the way `d` points, and by how much.
+// The free slot whose octant lies furthest the way `d` points, and by how much. Children take slots greedily: the pair of
+// child and slot that gains most goes first (Ylitie et al. 2017, section 3.2).
 DST_FN uint32_t best_slot(Vec3 d, uint32_t taken, float* gain) {
   uint32_t best = 8;
   for (uint32_t s = 0; s < 8; ++s) {
@@ -73,32 +74,6 @@ DST_FN uint32_t best_slot(Vec3 d, uint32_t taken, float* gain) {
     *gain = g;
   }
   return best;
-}
-
-// Greedy assignment of children to the octants in which they lie (Ylitie et al. 2017, section 3.2): the pair of child and
-// slot that gains most goes first. Child i's slot is bits 4 i to 4 i + 3 of the result.
-DST_FN uint32_t assign_slots(const Bounds& parent, const Subtree* children, uint32_t count) {
-  const Vec3 center = parent.center();
-  float gain[8];
-  uint32_t slots = 0, taken = 0, waiting = (1u << count) - 1;
-  uint32_t stale = waiting;  // children whose best slot was taken
-  while (waiting != 0) {
-    uint32_t next = 8;
-    for (uint32_t c = 0; c < count; ++c) {
-      if (!(waiting >> c & 1)) continue;
-      if (stale >> c & 1)
-        slots = (slots & ~(15u << (4 * c))) | best_slot(children[c].bounds.center() - center, taken, &gain[c])
-                                                  << (4 * c);
-      if (next == 8 || gain[c] > gain[next]) next = c;
-    }
-    const uint32_t slot = slots >> (4 * next) & 15;
-    taken |= 1u << slot;
-    waiting &= ~(1u << next);
-    stale = 0;
-    for (uint32_t c = 0; c < count; ++c)
-      if (waiting >> c & 1 && (slots >> (4 * c) & 15) == slot) stale |= 1u << c;
-  }
-  return slots;
 }
 
 // The smallest n with 2^n >= x; x is positive and not subnormal.

@@ -69,8 +69,8 @@ class DeviceScene {
   }
 
   // Copies all values when there are more than ever before, with room for more the second time, else those of the range.
-  template <class T>
-  static const T* keep(DeviceBuffer<T>* buffer, const std::vector<T>& values, ElementRange range = {}) {
+  template <class T, class Allocator>
+  static const T* keep(DeviceBuffer<T>* buffer, const std::vector<T, Allocator>& values, ElementRange range = {}) {
     if (values.size() > buffer->size()) {
       const size_t spare = buffer->size() == 0 ? 0 : values.size() / 8 + 16;
       *buffer = {};
@@ -80,8 +80,8 @@ class DeviceScene {
     refresh(*buffer, values, range);
     return buffer->data();
   }
-  template <class T>
-  static void refresh(const DeviceBuffer<T>& buffer, const std::vector<T>& values, ElementRange range) {
+  template <class T, class Allocator>
+  static void refresh(const DeviceBuffer<T>& buffer, const std::vector<T, Allocator>& values, ElementRange range) {
     if (range.empty()) return;
     check_cuda(cudaMemcpy(buffer.data() + range.first, values.data() + range.first,
                           (range.last - range.first) * sizeof(T), cudaMemcpyHostToDevice),

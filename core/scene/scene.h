@@ -30,7 +30,7 @@ struct SceneStats {
 // Arrays of the finished scene. After SceneBuilder::build nobody but a SceneEditor (scene_edit.h) changes them.
 struct SceneArrays {
   std::vector<Node8> nodes;
-  std::vector<LeafPrimitive> leaves;
+  RawVector<LeafPrimitive> leaves;
   uint32_t world_first_leaf = 0;  // the groups' leaves come before it
   std::vector<Instance> instances;
   std::vector<TriangleVertices> moving;
@@ -38,7 +38,7 @@ struct SceneArrays {
   std::vector<uint32_t> blocks_of_node;
   bool only_blocks = false;
   RawVector<HostUnit> host;
-  std::vector<HostTarget> host_targets;
+  RawVector<HostTarget> host_targets;
   std::vector<FewTriangle> few;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
@@ -150,7 +150,7 @@ class SceneBuilder {
   };
   struct Group {
     std::vector<Bounds> boxes;
-    std::vector<LeafPrimitive> primitives;
+    RawVector<LeafPrimitive> primitives;
     std::vector<uint32_t> objects;
     std::vector<uint32_t> object_primitives;  // how many each of them has
     uint32_t emitters = 0;                    // emitting primitives

@@ -237,7 +237,7 @@ void SceneEditor::rebuild_world() {
   SceneArrays& a = arrays();
   Group& world = groups_[0];
   const uint32_t root = world.root;
-  std::vector<LeafPrimitive> primitives(a.leaves.begin() + a.world_first_leaf, a.leaves.end());
+  RawVector<LeafPrimitive> primitives(a.leaves.begin() + a.world_first_leaf, a.leaves.end());
   // In the order of the instances, as when the scene was built.
   std::sort(primitives.begin(), primitives.end(),
             [](const LeafPrimitive& p, const LeafPrimitive& q) { return p.object < q.object; });

@@ -51,6 +51,35 @@ def test_the_reported_cost_is_the_cost(device, rng):
     np.testing.assert_allclose(tree.stats()["sah_cost"], cost(tree, lo, hi), rtol=1e-4)
 
 
+def greedy_slots(lo, hi):
+    """The pair of child and free slot that gains most goes first; of equals the first child, then the first slot."""
+    half = np.float32(0.5)
+    center = (lo.min(axis=0) + hi.max(axis=0)) * half
+    d = (lo + hi) * half - center
+    signs = np.where(np.arange(8)[:, None] >> np.arange(3) & 1, np.float32(1), np.float32(-1))
+    gain = signs[:, 0] * d[:, :1] + signs[:, 1] * d[:, 1:2] + signs[:, 2] * d[:, 2:]
+    slots = [-1] * len(lo)
+    for _ in lo:
+        child, slot = np.unravel_index(np.argmax(gain), gain.shape)
+        slots[child] = int(slot)
+        gain[child], gain[:, slot] = -np.inf, -np.inf
+    return slots
+
+
+@pytest.mark.parametrize("grid", [0, 1, 4], ids=["continuous", "many ties", "some ties"])
+def test_children_take_slots_by_their_octants_greedily(grid, rng):
+    for _ in range(300):
+        n = int(rng.integers(1, 9))
+        lo = rng.uniform(-1, 1, (n, 3)) if grid == 0 else rng.integers(-grid, grid + 1, (n, 3))
+        hi = lo + (rng.uniform(0, 1, (n, 3)) if grid == 0 else 1)
+        assert _core.testing.slots(f32(lo), f32(hi)) == greedy_slots(f32(lo), f32(hi))
+
+
+def test_boxes_without_end_get_a_slot_each():
+    lo, hi = f32(np.full((8, 3), -np.inf)), f32(np.full((8, 3), np.inf))
+    assert sorted(_core.testing.slots(lo, hi)) == list(range(8))
+
+
 # --- refitting --------------------------------------------------------------------------------------------------------
 
 
