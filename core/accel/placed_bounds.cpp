@@ -40,7 +40,10 @@ struct Support {
       }
       if (!(reaches[best] > most)) break;
       const bool open = node.is_inner(best) && levels > 1;
-      most = open ? furthest(node.first_child + static_cast<uint32_t>(std::popcount(node.inner_mask & ((1u << best) - 1))), levels - 1, most) : reaches[best];
+      most =
+          open ? furthest(node.first_child + static_cast<uint32_t>(std::popcount(node.inner_mask & ((1u << best) - 1))),
+                          levels - 1, most)
+               : reaches[best];
       waiting &= ~(1u << best);
     }
     return most;
@@ -57,7 +60,8 @@ Bounds placed_bounds(const std::vector<Node8>& nodes, uint32_t root, const Trans
   Support up{nodes, {}}, down{nodes, {}};
   float lo[3], hi[3];
   for (int i = 0; i < 3; ++i) {
-    for (int k = 0; k < 3; ++k) up.direction[k] = static_cast<double>(columns[k][i]), down.direction[k] = -up.direction[k];
+    for (int k = 0; k < 3; ++k)
+      up.direction[k] = static_cast<double>(columns[k][i]), down.direction[k] = -up.direction[k];
     const double least = static_cast<double>(-kInfinity), at = static_cast<double>(origin[i]);
     lo[i] = std::nextafter(static_cast<float>(at - down.furthest(root, kLevels, least)), -kInfinity);
     hi[i] = std::nextafter(static_cast<float>(at + up.furthest(root, kLevels, least)), kInfinity);
