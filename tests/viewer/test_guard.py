@@ -20,6 +20,7 @@ from viser_page import Page, camera_message, pixels
 def test_known_messages_are_admitted_and_others_dropped(viewer: Viewer) -> None:
     good = camera_message(first(viewer), Frame.of(viewer.scene.camera), 640, 480)  # type: ignore[arg-type]
     assert admit(msgspec.msgpack.encode(good))
+    assert admit(msgspec.msgpack.encode(PULL))
     for kind in ("ShareUrlRequest", "FileTransferStartUpload", "RunJavascriptMessage", "no such kind"):
         assert not admit(msgspec.msgpack.encode({"type": kind}))
 
@@ -36,6 +37,19 @@ RECTANGLE = {
     "screen_pos": [(0, 0), (1, 1)],
     "modifier": None,
 }
+PULL = {
+    "type": "SceneNodeDragMessage",
+    "phase": "update",
+    "name": "/selected/scale0",
+    "instance_index": None,
+    "start_position": (0.0, 0.0, 0.0),
+    "start_screen_pos": (0.5, 0.5),
+    "end_position": (0.0, 0.0, 0.0),
+    "end_screen_pos": (0.5, 0.5),
+    "button": "left",
+    "modifier": None,
+    "owner": "",
+}
 BAD: dict[str, Any] = {
     "text": "hello",
     "nothing": b"",
@@ -48,6 +62,8 @@ BAD: dict[str, Any] = {
     "no number": widget(value=float("nan")),
     "huge": widget(value=10**18),
     "rectangle": msgspec.msgpack.encode(RECTANGLE),
+    "pull of no phase": msgspec.msgpack.encode({**PULL, "phase": "x"}),
+    "pull to nowhere": msgspec.msgpack.encode({**PULL, "end_position": (float("nan"), 0.0, 0.0)}),
 }
 
 
@@ -122,6 +138,7 @@ def test_hostile_pages_end_nothing_but_their_own_connection(viewer: Viewer, rng:
             for kind in ("TransformControlsUpdateMessage", "TransformControlsDragStartMessage"):
                 pose = {"wxyz": [1, 0, 0, 0], "position": [0, 0, 0]} if "Update" in kind else {}
                 odd.send({"type": kind, "name": "/none", "owner": "", **pose})
+            odd.send(PULL)
             odd.click(5.0, -3.0)
             odd.send({"type": "ShareUrlRequest"})
             look(viewer, odd, replace(first(viewer), vfov=20.0))

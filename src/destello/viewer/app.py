@@ -62,14 +62,18 @@ class App:
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
-    def post(self, task: Task) -> None:
-        """Has something done in the render thread, soon: a pass that refines a picture is broken off for it."""
+    def post(self, task: Task) -> bool:
+        """Has something done in the render thread, soon: a pass that refines a picture is broken off for it.
+
+        Returns whether it will be done: tasks of a page that floods are dropped.
+        """
         try:
             self._tasks.put_nowait(task)
         except queue.Full:
-            return  # a page that floods; what counts comes again with its next message
+            return False
         self.engine.give_way()
         self._wake.set()
+        return True
 
     @property
     def final_running(self) -> bool:

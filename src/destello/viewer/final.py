@@ -34,7 +34,7 @@ class FinalRender:
     size: tuple[int, int]
     device: str
     denoise: bool
-    on_progress: Callable[[Status], None]
+    on_progress: Callable[[Status], object]
     on_end: Callable[[Image | None, str], None]
     _cancelled: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None

@@ -11,7 +11,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import websockets.asyncio.server as ws
@@ -84,12 +84,27 @@ class DragEnd(msgspec.Struct, tag_field="type", tag="TransformControlsDragEndMes
     owner: str = ""
 
 
+class Pull(msgspec.Struct, tag_field="type", tag="SceneNodeDragMessage", forbid_unknown_fields=True):
+    """A handle that scales has been dragged."""
+
+    phase: Literal["start", "update", "end"]
+    name: str
+    instance_index: None
+    start_position: Vector
+    start_screen_pos: tuple[float, float]
+    end_position: Vector
+    end_screen_pos: tuple[float, float]
+    button: Literal["left"]
+    modifier: None
+    owner: str = ""
+
+
 class _Kind(msgspec.Struct):
     type: str
 
 
-_known = Camera | Widget | Pointer | Drag | DragStart | DragEnd
-_KINDS = {kind.__struct_config__.tag for kind in (Camera, Widget, Pointer, Drag, DragStart, DragEnd)}
+_known = Camera | Widget | Pointer | Drag | DragStart | DragEnd | Pull
+_KINDS = {kind.__struct_config__.tag for kind in get_args(_known)}
 _kind = msgspec.msgpack.Decoder(_Kind)
 _whole = msgspec.msgpack.Decoder(_known)
 

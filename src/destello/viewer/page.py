@@ -8,6 +8,7 @@ from typing import Any
 from destello.errors import Error
 from destello.viewer.app import App
 from destello.viewer.camera import View
+from destello.viewer.newest import Newest
 from destello.viewer.panel_lights import LightsPanel
 from destello.viewer.panel_object import ObjectPanel
 from destello.viewer.panel_save import SavePanel
@@ -22,13 +23,13 @@ class Page:
     def __init__(self, app: App, session: Session) -> None:
         self.app = app
         self.session = session
-        self._seen: View | None = None
+        self._seen: Newest[View] = Newest()
         self._panels: list[Any] = []
         self._steps: Any = None
 
     def build(self) -> None:
         """Draws the panels and begins to listen."""
-        gui, client = self.session.client.gui, self.session.client
+        gui = self.session.client.gui
         undo = gui.add_button_group("Edits", ("Undo", "Redo"))
         clicked(undo, self.post, lambda: self._turn(undo.value))
         self._steps = undo
@@ -40,8 +41,7 @@ class Page:
         self._panels = [self.view, self.object, self.lights, self.save]
         self.session.on_status = self.view.say
         self.app.on_change.append(self.refresh)
-        client.camera.on_update(self._camera_moved)
-        client.scene.on_click()(self._picture_clicked)
+        self.session.client.scene.on_click()(self._picture_clicked)
 
     def close(self) -> None:
         """The page has gone: nothing that it held is kept."""
@@ -55,9 +55,9 @@ class Page:
 
     # --- for the panels -----------------------------------------------------------------------------------------------
 
-    def post(self, task: Callable[[], None]) -> None:
-        """Has something done in the render thread; what is wrong with it is said on the page."""
-        self.app.post(lambda: self.attempt(task))
+    def post(self, task: Callable[[], None]) -> bool:
+        """Has something done in the render thread, if it returns True; what is wrong with it is said on the page."""
+        return self.app.post(lambda: self.attempt(task))
 
     def attempt(self, task: Callable[[], None]) -> None:
         """Does something; an error of the user's is said on the page, and the widgets show again what holds."""
@@ -93,23 +93,27 @@ class Page:
             self.session.redraw()
             self.object.selected()
 
+    def look_from(self, view: View) -> None:
+        """The page looks from somewhere else, or another way."""
+        self.session.view = view
+        self.session.moved()
+        self.object.looked()
+
     # --- what a hand does ---------------------------------------------------------------------------------------------
 
-    async def _camera_moved(self, camera: Any) -> None:
-        waiting = self._seen is not None
-        self._seen = View.from_page(camera, self.session.frame)
-        if not waiting:
-            self.app.post(self._look)
+    async def camera_moved(self, camera: Any) -> None:
+        """Heard from the page's first message on, before the panels are there: it may be the last one for long."""
+        if self._seen.put(View.from_page(camera, self.session.frame)) and not self.app.post(self._look):
+            self._seen.take()
 
     def _look(self) -> None:
-        view, self._seen = self._seen, None
-        if view is None or self.session.closed:
+        view = self._seen.take()
+        if view is None or not self._panels:
             return
         old = self.session.view
         if (view.width, view.height) == (old.width, old.height) and view.same_place(old):
             return
-        self.session.view = view
-        self.session.moved()
+        self.look_from(view)
         self.view.looked()
 
     async def _picture_clicked(self, event: Any) -> None:

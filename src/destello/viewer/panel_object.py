@@ -11,6 +11,8 @@ from destello.schema import schema
 from destello.viewer.camera import quaternion
 from destello.viewer.controls import changed, controls
 from destello.viewer.document import replace_material
+from destello.viewer.handles import ALL, Pull, ScaleHandles
+from destello.viewer.newest import Newest
 from destello.viewer.placement import Pose, can_move, moved, pose_of
 from destello.viewer.widgets import Widgets, clicked, listen
 
@@ -35,7 +37,11 @@ class ObjectPanel:
             self._folder: Any = self._gui.add_folder(None)
         self._gizmo: Any = None
         self._pose: Pose | None = None
-        self._dragged: tuple[Any, Any, str] | None = None
+        self._dragged: Newest[tuple[Any, Any, str]] = Newest()
+        self._handles: ScaleHandles | None = None
+        self._pulled: Newest[Pull] = Newest()
+        self._pull: Pull | None = None  # what the scale has in it already
+        self._dragging = False  # the gizmo shows where it is: it is not told
         self._material: MaterialWidgets | None = None
         self._shown: Node | None = None
 
@@ -71,11 +77,16 @@ class ObjectPanel:
             self.selected()
             return
         self._shown = shape
-        if can_move(shape) is None and self._dragged is None:
+        if can_move(shape) is None and not self._dragging:
             self._pose = pose_of(self._scene, shape)
             self._show_pose()
         if self._material is not None:
             self._material.refresh(shape["material"])
+
+    def looked(self) -> None:
+        """The page looks from somewhere else."""
+        if self._handles is not None:
+            self._handles.fit(self._session.view)
 
     # --- drawing ------------------------------------------------------------------------------------------------------
 
@@ -88,7 +99,9 @@ class ObjectPanel:
     def _clear(self) -> None:
         if self._gizmo is not None:
             self._gizmo.remove()
-        self._gizmo = self._pose = self._material = self._dragged = None
+        self._gizmo = self._handles = self._pose = self._material = None
+        self._dragged.take()
+        self._pulled.take()
         self._folder.remove()
         with self._tab:
             self._folder = self._gui.add_folder(None)
@@ -99,7 +112,7 @@ class ObjectPanel:
             self._pose = pose_of(self._scene, shape)
             with self._gui.add_folder("Place"):
                 self._draw_place()
-            self._add_gizmo()
+            self._add_gizmo(uniform=shape.type == "sphere")
         else:
             self._gui.add_markdown(f"It stays where it is: {problem}.")
         if shape.type != "instance" and isinstance(shape["material"], Node):
@@ -128,10 +141,12 @@ class ObjectPanel:
             listen(handle, self._page.post, self._typed)
         listen(self._size, self._page.post, self._sized)
 
-    def _add_gizmo(self) -> None:
+    def _add_gizmo(self, *, uniform: bool) -> None:
         self._gizmo = self._session.client.scene.add_transform_controls(
             _GIZMO, scale=110.0, fixed=True, depth_test=False, opacity=0.85, translation_limits=_REACH
         )
+        client, frame = self._session.client, self._session.frame
+        self._handles = ScaleHandles(client, self._gizmo, frame, uniform=uniform, heard=self._scaled)
         self._show_pose()
         self._gizmo.on_update(self._drag)
 
@@ -142,24 +157,47 @@ class ObjectPanel:
         if self._gizmo is not None:
             self._gizmo.position = self._session.frame.page(pose.position)
             self._gizmo.wxyz = quaternion(pose.rotation)
+        self.looked()
 
     # --- what a person does -------------------------------------------------------------------------------------------
 
     async def _drag(self, event: Any) -> None:
-        waiting = self._dragged is not None
-        self._dragged = (event.target.wxyz.copy(), event.target.position.copy(), event.phase)
-        if not waiting or event.phase == "end":
-            self._page.post(self._drop)
+        if event.target is not self._gizmo:
+            return  # it has been taken away: another object is selected
+        place = (event.target.wxyz.copy(), event.target.position.copy(), event.phase)
+        if self._dragged.put(place) and not self._page.post(self._drop):
+            self._dragged.take()
 
     def _drop(self) -> None:
-        if self._dragged is None or self._pose is None:
+        dragged = self._dragged.take()
+        if dragged is None or self._pose is None:
             return
-        wxyz, position, phase = self._dragged
-        wanted = self._pose.posed(wxyz, self._session.frame.scene(position))
-        self._move(wanted, "drag")
-        self._dragged = None
-        if phase == "end":
-            self._page.app.document.seal()
+        wxyz, position, phase = dragged
+        self._dragging = True
+        try:
+            self._move(self._pose.posed(wxyz, self._session.frame.scene(position)), "drag")
+        finally:
+            self._dragging = False
+            if phase == "end":
+                self._page.app.document.seal()
+
+    def _scaled(self, pull: Pull) -> None:
+        if self._pulled.put(pull) and not self._page.post(self._rescale):
+            self._pulled.take()
+
+    def _rescale(self) -> None:
+        pull, before = self._pulled.take(), self._pull
+        if pull is None or self._pose is None or self._handles is None:
+            return
+        more = pull.factor / (before.factor if before is not None and before.gesture == pull.gesture else 1.0)
+        a, b, c = (s * more if pull.axis in (i, ALL) else s for i, s in enumerate(self._pose.scale))
+        self._dragging = True
+        try:
+            self._move(replace(self._pose, scale=(a, b, c)), f"scale {pull.gesture}")
+            self._pull = pull
+            self._handles.follow(pull)
+        finally:
+            self._dragging = False
 
     def _typed(self) -> None:
         if self._pose is None:

@@ -174,6 +174,5 @@ class ViewPanel:
         self._session.moved()
 
     def _show(self, view: View) -> None:
-        self._session.view = view
-        self._session.moved()
+        self._page.look_from(view)
         view.to_page(self._session.client.camera, self._session.frame)

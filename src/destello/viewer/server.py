@@ -141,6 +141,7 @@ class Viewer:
         page = Page(self._app, session)
         self._pages[client.client_id] = page
         self._app.post(lambda: self._open(client.client_id, page))
+        client.camera.on_update(page.camera_moved)
 
     def _open(self, number: int, page: Page) -> None:
         if not page.session.closed:

@@ -8,7 +8,7 @@ from typing import Any
 from destello.viewer.controls import Control
 
 Changed = Callable[[str, Any], None]
-Post = Callable[[Callable[[], None]], None]
+Post = Callable[[Callable[[], None]], object]
 
 
 def listen(handle: Any, post: Post, action: Callable[[], None]) -> None:

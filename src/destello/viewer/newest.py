@@ -1,0 +1,29 @@
+"""The newest of a stream of values, handed from one thread to another."""
+
+from __future__ import annotations
+
+import threading
+from typing import Generic, TypeVar
+
+Value = TypeVar("Value")
+
+
+class Newest(Generic[Value]):
+    """Holds one value, the last that was put: a slow taker skips what has been overtaken, and never misses the last."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._value: Value | None = None
+
+    def put(self, value: Value) -> bool:
+        """Leaves a value; returns whether there was none: then somebody must be told to `take` it."""
+        with self._lock:
+            was_empty = self._value is None
+            self._value = value
+            return was_empty
+
+    def take(self) -> Value | None:
+        """The value, which is gone then; None if there is none."""
+        with self._lock:
+            value, self._value = self._value, None
+            return value
