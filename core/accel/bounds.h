@@ -22,4 +22,6 @@ struct Bounds {
   }
 };
 
+DST_FN Bounds intersection(const Bounds& a, const Bounds& b) { return {max(a.lo, b.lo), min(a.hi, b.hi)}; }
+
 }  // namespace destello

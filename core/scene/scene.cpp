@@ -381,7 +381,7 @@ void SceneBuilder::add_instance(uint32_t group, const Transform& transform,
   if (group == 0) fail("the world cannot be placed in itself");
   const Instance it = make_instance(transform, transform_end);
   scene_->arrays_.instances.push_back(it);
-  placed_.push_back({group, it.moving != 0});
+  placed_.push_back({group, it.moving != 0, {}});
 }
 
 void SceneBuilder::add_light(const AnyLight& light) { scene_->arrays_.punctual.push_back(light); }

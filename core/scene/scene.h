@@ -160,6 +160,7 @@ class SceneBuilder {
   struct PlacedInstance {
     uint32_t group;
     bool moving;
+    Bounds bounds;  // over the shutter
   };
   // How an emitter was given.
   struct Emission {
@@ -168,8 +169,6 @@ class SceneBuilder {
   };
 
   static Instance make_instance(const Transform& transform, const std::optional<Transform>& transform_end);
-  // Of a placed group, over the shutter.
-  static Bounds instance_bounds(const Instance& instance, const Bounds& group);
   // All of build but handing the scene over.
   void finish(const BuildOptions& options);
 
@@ -187,6 +186,8 @@ class SceneBuilder {
   void resolve_powers();
   void build_trees(const BuildOptions& options);
   void build_group(Group* group, const BuildOptions& options);
+  // Their boxes anew. The groups' trees are there.
+  void bound_instances(size_t first, size_t last, uint32_t threads);
   void build_lights();
   void collect_area_lights();
   std::vector<float> light_powers() const;

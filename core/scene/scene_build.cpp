@@ -7,6 +7,7 @@
 #ifdef DST_HAS_CUDA
 #include "accel/bvh_build_cuda.h"
 #endif
+#include "accel/placed_bounds.h"
 #include "accel/traverse_host.h"
 #include "base/parallel.h"
 #include "scene/area_light.h"
@@ -93,10 +94,19 @@ void SceneBuilder::build_group(Group* group, const BuildOptions& options) {
   group->primitives = {};
 }
 
-Bounds SceneBuilder::instance_bounds(const Instance& instance, const Bounds& group) {
-  Bounds box = transform_bounds(instance.to_world, group);
-  box.grow(transform_bounds(instance.to_world_end, group));
-  return box;
+void SceneBuilder::bound_instances(size_t first, size_t last, uint32_t threads) {
+  const SceneArrays& a = scene_->arrays_;
+  parallel_ranges(last - first, 256, threads, [&](size_t begin, size_t end) {
+    for (size_t i = first + begin; i < first + end; ++i) {
+      const Group& group = groups_[placed_[i].group];
+      const auto placed = [&](const Transform& t) {
+        return intersection(transform_bounds(t, group.bounds), placed_bounds(a.nodes, group.root, t));
+      };
+      Bounds box = placed(a.instances[i].to_world);
+      if (a.instances[i].moving) box.grow(placed(a.instances[i].to_world_end));
+      placed_[i].bounds = box;
+    }
+  });
 }
 
 void SceneBuilder::build_trees(const BuildOptions& options) {
@@ -105,16 +115,15 @@ void SceneBuilder::build_trees(const BuildOptions& options) {
   a.nodes.emplace_back();  // node 0: the world's root, moved there when it is known
   for (size_t i = 1; i < groups_.size(); ++i) build_group(&groups_[i], options);
   Group& world = groups_[0];
+  bound_instances(0, placed_.size(), options.threads);
   for (uint32_t i = 0; i < placed_.size(); ++i) {
-    Instance& it = a.instances[i];
-    const Group& g = groups_[placed_[i].group];
-    it.root = g.root;
-    if (g.bounds.empty()) continue;
+    a.instances[i].root = groups_[placed_[i].group].root;
+    if (placed_[i].bounds.empty()) continue;
     LeafPrimitive p;
     p.object = i;
     p.kind_and_extra = static_cast<uint32_t>(PrimitiveKind::Instance);
     world.primitives.push_back(p);
-    world.boxes.push_back(instance_bounds(it, g.bounds));
+    world.boxes.push_back(placed_[i].bounds);
   }
   a.world_first_leaf = static_cast<uint32_t>(a.leaves.size());
   build_group(&world, options);

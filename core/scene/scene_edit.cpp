@@ -209,11 +209,11 @@ bool SceneEditor::update_world() {
   SceneArrays& a = arrays();
   Group& world = groups_[0];
   const Bounds before = scene_->bounds_;
+  bound_instances(changes_.instances.first, changes_.instances.last, options_.threads);
   std::vector<Bounds> boxes;
   world.bounds = {};
   for (size_t leaf = a.world_first_leaf; leaf < a.leaves.size(); ++leaf) {
-    const uint32_t i = a.leaves[leaf].object;
-    boxes.push_back(instance_bounds(a.instances[i], groups_[placed_[i].group].bounds));
+    boxes.push_back(placed_[a.leaves[leaf].object].bounds);
     world.bounds.grow(boxes.back());
   }
   if (!boxes.empty()) {
@@ -243,8 +243,7 @@ void SceneEditor::rebuild_world() {
             [](const LeafPrimitive& p, const LeafPrimitive& q) { return p.object < q.object; });
   world.primitives = std::move(primitives);
   world.boxes.clear();
-  for (const LeafPrimitive& p : world.primitives)
-    world.boxes.push_back(instance_bounds(a.instances[p.object], groups_[placed_[p.object].group].bounds));
+  for (const LeafPrimitive& p : world.primitives) world.boxes.push_back(placed_[p.object].bounds);
   a.nodes.resize(root);
   a.leaves.resize(a.world_first_leaf);
   build_group(&world, options_);

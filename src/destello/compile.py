@@ -189,6 +189,8 @@ class SceneCompiler:
         self._spheres: dict[tuple[int, int, bool], SphereBatch] = {}
         self._dropped: dict[str, int] = {}
         self._groups: dict[str, int] = {}
+        self.volume_owners: list[int] = []  # the shapes of instances that come after those of the shapes
+        self._volumes: dict[str, list[tuple[Node, str]]] = {}  # shapes with volumes and their places, by group
 
     def fit_textures(self, scene: Scene, budget: int) -> None:
         """Images will be made smaller, the largest first, until all need at most `budget` bytes."""
@@ -207,10 +209,16 @@ class SceneCompiler:
         for name, group in scene.groups.items():
             self._groups[name] = self._builder.add_group()
             for i, shape in enumerate(group.shapes):
-                check_no_volume(shape, label(f"groups.{name}[{i}]", shape))
-                self._shape(self._groups[name], shape, label(f"groups.{name}[{i}]", shape), self._context)
+                if has_volume(shape):
+                    self._volumes.setdefault(name, []).append((shape, label(f"groups.{name}[{i}]", shape)))
+                else:
+                    self._shape(self._groups[name], shape, label(f"groups.{name}[{i}]", shape), self._context)
         for i, shape in enumerate(scene.shapes):
             self._shape(WORLD, shape, label(f"shapes[{i}]", shape), self._context)
+        for i, shape in enumerate(scene.shapes):  # last: live scenes count on the instances of shapes being the first
+            if shape.type == "instance" and shape["group"] in self._volumes:
+                self._place_volumes(shape, label(f"shapes[{i}]", shape))
+                self.volume_owners.append(i)
         self._flush_spheres()
         self._lights(scene)
         if scene.environment is not None:
@@ -258,6 +266,20 @@ class SceneCompiler:
                 self._builder.add_instance(group, self._groups[shape["group"]], rows(first or Transform()), rows(last))
         else:
             self._mesh(group, shape, place, context)
+
+    def _place_volumes(self, instance: Node, place: str) -> None:
+        """A group for this instance alone, of what has a volume in the one that it names: grids stand in the world."""
+        name, outer = instance["group"], instance["transform"] or Transform()
+        if instance["transform1"] is not None:
+            expected = "instances that rest while the shutter is open, or groups without medium_volume"
+            raise SceneError("a volume in a group that moves", place=place, value=name, expected=expected)
+        assets = self._context.assets
+        context = Context(MaterialCompiler(self._builder, assets, self._images, outer), assets)
+        group = self._builder.add_group()
+        for shape, where in self._volumes[name]:
+            self._shape(group, shape, where, context)
+        with core_errors(place):
+            self._builder.add_instance(WORLD, group, rows(outer), None)
 
     def _material(self, shape: Node, place: str, context: Context) -> int:
         if context.material is not None:
@@ -348,10 +370,9 @@ class SceneCompiler:
             self._inner_shape(group, scene, shape, label(f"{place}[{i}]", shape), inside)
 
 
-def check_no_volume(shape: Node, place: str) -> None:
-    """A volume stands in the world, once; copies of a group would share it. Raises SceneError."""
-    if any(node.kind == "volume" for node in shape.walk()):
-        raise SceneError("a volume in a group", place=place, expected="medium_volume on shapes that are in no group")
+def has_volume(shape: Node) -> bool:
+    """Whether the shape's material has a volume."""
+    return any(node.kind == "volume" for node in shape.walk())
 
 
 def label(place: str, node: Node) -> str:

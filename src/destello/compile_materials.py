@@ -27,11 +27,12 @@ _NUMBERS = frozenset({"normal_map", "tangent_map", "eta", "k", "subsurface_radiu
 class MaterialCompiler:
     """Adds the materials and textures of one scene. Equal nodes get one number."""
 
-    def __init__(self, builder: Any, assets: Assets, images: ImageTable) -> None:
-        """`images` is shared between the scenes that go into one builder."""
+    def __init__(self, builder: Any, assets: Assets, images: ImageTable, outer: Transform | None = None) -> None:
+        """`images` is shared between the scenes that go into one builder. `outer`: volumes stand in it."""
         self._builder = builder
         self._assets = assets
         self._images = images
+        self._outer = outer or Transform()
         self._materials: dict[Node, int] = {}
         self._volumes: dict[Node, int] = {}
         self._textures: dict[tuple[Node, bool], int | None] = {}
@@ -67,7 +68,7 @@ class MaterialCompiler:
         if node not in self._volumes:
             low, high = node["min"], node["max"]
             edges = [b - a for a, b in zip(low, high, strict=True)]
-            cube = (node["transform"] or Transform()) @ translate(*low) @ scale(*edges)
+            cube = self._outer @ (node["transform"] or Transform()) @ translate(*low) @ scale(*edges)
             with core_errors(place):
                 working = self._images.working
                 albedo, emission = (voxel_colors(v, working) for v in (node["albedo"], emission_voxels(node)))

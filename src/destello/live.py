@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from destello import device as devices
 from destello import live_changes as changes
 from destello.assets import Assets
@@ -29,7 +31,6 @@ from destello.live_turns import Turns
 from destello.nodes import Node
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from destello.live_changes import MaterialRef, NodeRef
@@ -270,7 +271,7 @@ class LiveScene:
                 found: Any = self._renderer.pick(node.type, _params(node), *size, x, y, self._time())
             if found is None:
                 return None
-            index = int(found["instance"])
+            index = int(self._shape_numbers()[found["instance"]])
             return Pick(index, self.shown.shapes[index], found["point"], found["normal"], float(found["distance"]))
 
     def ids(self, size: tuple[int, int], camera: Node | str | None = None) -> NDArray[np.uint32]:
@@ -280,7 +281,8 @@ class LiveScene:
             with _device_errors():
                 found: Any = self._renderer.ids(node.type, _params(node), *size, self._time())
             numbers: NDArray[np.uint32] = found
-            return numbers
+            known = np.append(self._shape_numbers(), np.uint32(NOTHING))
+            return known[np.minimum(numbers, len(known) - 1)]
 
     @property
     def busy(self) -> bool:
@@ -297,6 +299,11 @@ class LiveScene:
             return dict(self._editor.stats())
 
     # --- compiling ----------------------------------------------------------------------------------------------------
+
+    def _shape_numbers(self) -> NDArray[np.uint32]:
+        """The number of the shape that each instance is of: their own first, then those that hold volumes of groups."""
+        owners = self._compiler.volume_owners
+        return np.append(np.arange(len(self.shown.shapes)), owners).astype(np.uint32)
 
     def _time(self) -> float:
         return float(self.scene.render.shutter[0])

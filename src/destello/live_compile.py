@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.compile import WORLD, Context, SceneCompiler, label
+from destello.compile import WORLD, Context, SceneCompiler, has_volume, label
 from destello.compile_errors import core_errors
 from destello.compile_materials import MaterialCompiler, rows
 from destello.nodes import Node, equal_values
@@ -82,6 +82,8 @@ class LiveCompiler(SceneCompiler):
         self._apply_materials(old, new)
         for i, (before, after) in enumerate(zip(old.shapes, new.shapes, strict=True)):
             if before is not after and not _same_placement(before, after):
+                if after.type == "instance" and after["group"] in self._volumes:
+                    raise NotInPlace(f"a volume follows {label(f'shapes[{i}]', after)}")
                 with core_errors(label(f"shapes[{i}]", after)):
                     self._builder.set_instance(i, *placement(after))
         if old.lights != new.lights:
@@ -240,6 +242,8 @@ def _check_same_geometry(old: Scene, new: Scene) -> None:
         free: frozenset[str] = frozenset({"material"})
         if place.startswith("shapes["):
             free |= SPHERE_PLACEMENT if before.type == "sphere" else PLACEMENT
+        elif has_volume(before) or has_volume(after):
+            raise NotInPlace(f"{place} has a volume, and is in a group")
         if not _same_but(before, after, free):
             raise NotInPlace(f"{place} has another geometry")
         if before.type == "sphere" and before["radius"] * after["radius"] < 0:

@@ -154,10 +154,12 @@ _VOLUMES = (
     _type(
         "volume",
         "volume_file",
-        "A grid from a file: OpenVDB's .vdb, placed by its own transform, or .npy with densities, in the unit cube.",
+        "A grid from a file: NanoVDB's .nvdb or OpenVDB's .vdb, placed by its own transform; .npy with densities, in "
+        "the unit cube.",
         ParamDoc("path", "the file, relative to the scene file", "path", required=True),
         ParamDoc("density", "the name of the grid of densities", "text", default="density"),
         ParamDoc("temperature", "the name of a grid of temperatures in K, of black bodies", "text"),
+        ParamDoc("emission", "instead of it: the name of a grid of radiance in W/(sr m^2), grey or coloured", "text"),
         _GLOW,
         _CUBE[-1],
     ),
@@ -249,7 +251,7 @@ EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
     "material": (
-        ParamDoc("medium_volume", "what varies the medium; it has a place in the world of its own", "volume"),
+        ParamDoc("medium_volume", "what varies the medium; stands in the world, or in the space of a group", "volume"),
     ),
     "light": (_TRANSFORM, _ANIMATION),
     "environment": (_TRANSFORM,),

@@ -22,24 +22,28 @@ def load(
     *,
     density: str = "density",
     temperature: str | None = None,
+    emission: str | None = None,
     emission_scale: float = 1.0,
     transform: Any = None,
 ) -> Node:
     """A `grid` from a file.
 
     Args:
-        path: OpenVDB's .vdb (needs ``pip install 'destello[volumes]'``), or .npy with densities (depth, height, width).
+        path: NanoVDB's .nvdb, OpenVDB's .vdb (needs ``pip install 'destello[volumes]'``), or .npy with densities
+            (depth, height, width).
         density: the name of the file's grid of densities.
         temperature: the name of its grid of temperatures in K; None: it does not glow.
-        emission_scale: luminance of the hottest voxel's radiance.
+        emission: instead, the name of its grid of radiance in W/(sr m^2), grey or (.nvdb alone) three colours.
+        emission_scale: factor of the emission; with temperatures the luminance of the hottest voxel's radiance.
         transform: from the file's own world to the scene's.
 
     Raises:
         InputError, FormatError: a file that cannot be read, or the package that reads it is missing. SceneError: if a
             value is not accepted.
     """
-    names = {"density": density, "temperature": temperature, "emission_scale": emission_scale, "transform": transform}
-    file = Node("volume", "volume_file", {"path": path, **names})
+    grids = {"density": density, "temperature": temperature, "emission": emission}
+    rest = {"emission_scale": emission_scale, "transform": transform}
+    file = Node("volume", "volume_file", {"path": path, **grids, **rest})
     if not Path(path).is_file():
         raise MissingFileError([str(path)])
     return from_file(Path(path), file)
@@ -49,7 +53,7 @@ def from_file(path: Path, node: Node) -> Node:
     """The `grid` that a volume_file stands for, read from `path`. Raises InputError, FormatError, SceneError."""
     from destello.volume_files import read_volume
 
-    names = {param: node[param] for param in ("density", "temperature") if node[param] is not None}
+    names = {param: node[param] for param in ("density", "temperature", "emission") if node[param] is not None}
     found = read_volume(path, names)
     own = matrix(found.pop("transform")) if "transform" in found else None
     outer = node["transform"]

@@ -82,6 +82,29 @@ def test_what_a_black_cloud_lets_pass(place, boundary, device):
     assert_known(got, known, comparisons=6, slack=2e-3)
 
 
+@pytest.mark.parametrize("boundary", ["its box", "a larger sphere"])
+def test_clouds_in_a_group_follow_its_instances(boundary, device):
+    """Two instances, one beside the other, each against the integral in its own place."""
+    places = {side: dl.translate(4 * side, 0, 0) @ PLACES["stretched and sheared"] for side in (0, 1)}
+    inner = dl.rotate("y", 25)
+    volume = dl.volumes.grid(density=noise(), min=(-1, -1, -1), max=(1, 1, 1), transform=inner)
+    medium = {"medium_density": 0.8, "medium_absorption": 0.4, "medium_albedo": 0}
+    shape = dl.volumes.box(volume, **medium)
+    if boundary == "a larger sphere":
+        shape = dl.shapes.sphere((0, 0, 0), 2, material=dl.materials.interface(**medium, medium_volume=volume))
+    scene = under_sky()
+    group = scene.group("cloud", [shape, dl.shapes.sphere((0, 0, -9), 0.1)])
+    scene.add(*(dl.shapes.instance(group, transform=place) for place in places.values()))
+    cube = dl.translate(-1, -1, -1) @ dl.scale(2)
+    for side, place in places.items():
+        at = dl.translate(-4 * side, 0, 0) @ place @ inner
+        known = np.exp(-1.2 * depth_along_y(noise(), np.linalg.inv((at @ cube).matrix), 6, 1.0)).mean(-1)
+        scene.camera = dl.cameras.orthographic(
+            origin=(4 * side, 5, 0), target=(4 * side, 0, 0), up=(0, 0, -1), height=2
+        )
+        assert_known(estimate(scene, device, spp=1024, size=(6, 6)), known, comparisons=4, slack=2e-3)
+
+
 def test_density_that_falls_off_exponentially(device):
     """An atmosphere: density exp(-y / h) times the colours' own; known in closed form but for the interpolation."""
     n, height, scale = 256, 2.0, 0.5

@@ -296,3 +296,29 @@ def test_guides_are_the_features_of_a_render(device: str) -> None:
     image = dl.render(scene, spp=4, size=SIZE, device=device, aov=("albedo", "normal"), progress=False)
     for name, own in (("albedo", film.albedo()), ("normal", film.normal())):
         assert np.mean(np.abs(own - image.aovs[name]) < 1e-4) > 0.98
+
+
+def test_volumes_in_groups_are_compiled_anew(device: str) -> None:
+    """They stand where the instance was: the picture after an edit is that of the edited scene."""
+    ones = np.ones((2, 2, 2), np.float32)
+    scene = dl.Scene("clouds")
+    cloud = dl.volumes.box(dl.volumes.grid(density=ones), medium_density=3, name="cloud")
+    group = scene.group("sky", [cloud, dl.shapes.sphere((0.5, 2, 0.5), 0.4)])
+    scene.add(dl.shapes.instance(group, name="here"), dl.shapes.sphere((-1, 0, 0), 0.5, name="ball"))
+    scene.camera = dl.cameras.perspective(origin=(0, 1, 6), target=(0, 1, 0))
+    live = LiveScene(scene, device)
+    assert not live.set_transform("ball", dl.translate(0, 1, 0)).recompiled
+    assert "a volume follows" in live.set_transform("here", dl.translate(1, 0, 0)).recompiled
+    ids = live.ids(SIZE)
+    assert {int(n) for n in np.unique(ids)} == {0, 1, NOTHING}
+    row, column = np.argwhere(ids == 0)[-1]  # the cloud's lower edge
+    picked = live.pick(column + 0.5, row + 0.5, SIZE)
+    assert picked is not None
+    assert (picked.node.name, picked.point[1] < 1) == ("here", True)
+    thicker = live.scene.copy()
+    sky = thicker.groups["sky"]
+    inside = cloud["material"].replace(medium_density=5.0)
+    thicker.groups["sky"] = type(sky)("sky", (cloud.replace(material=inside), *sky.shapes[1:]))
+    assert "has a volume" in live.update(thicker).recompiled
+    fresh = LiveScene(live.scene, device)
+    assert np.array_equal(picture(live), picture(fresh))

@@ -189,6 +189,23 @@ def test_scales_of_instanced_meshes(scale, rng):
     np.testing.assert_allclose(hits.t[both], plain.t[both], rtol=1e-4, atol=1e-4)
 
 
+def test_the_box_of_a_turned_instance_is_tight(rng):
+    p, t = icosphere(4)
+    p = p * (3, 1, 1) + (10, 20, 30)  # the group's box is no cube, and not at its origin
+    linear, end, offset = 0.5 * rotation(rng), 0.5 * rotation(rng), rng.normal(size=3)
+    for moving in (False, True):
+        g = Geometry()
+        group = g.group()
+        g.mesh(p, t, group).instance(group, affine(linear, offset), affine(end, offset) if moving else None)
+        lo, hi = np.array(g.build().stats()["bounds"])
+        placed = np.concatenate([p @ matrix.T + offset for matrix in ([linear, end] if moving else [linear])])
+        assert (lo <= placed.min(axis=0)).all()
+        assert (hi >= placed.max(axis=0)).all()
+        if not moving:
+            # The transformed box of the group's is 1.3 to 2.1 times as long.
+            np.testing.assert_allclose(hi - lo, np.ptp(placed, axis=0), rtol=0.15)
+
+
 # --- watertightness ---------------------------------------------------------------------------------------------------
 
 

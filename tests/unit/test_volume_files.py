@@ -95,10 +95,10 @@ def test_wrong_names_and_kinds(smoke, tmp_path):
     with pytest.raises(FormatError, match=r"no such grid.*density"):
         dl.volumes.load(smoke, density="densty")
     (tmp_path / "a.txt").write_text("x")
-    with pytest.raises(InputError, match=r"not a volume file.*\.npy or \.vdb"):
+    with pytest.raises(InputError, match=r"not a volume file.*\.npy or \.nvdb or \.vdb"):
         dl.volumes.load(tmp_path / "a.txt")
     np.save(tmp_path / "d.npy", np.ones((2, 2, 2)))
-    with pytest.raises(InputError, match="no temperatures"):
+    with pytest.raises(InputError, match="no temperature"):
         dl.volumes.load(tmp_path / "d.npy", temperature="heat")
 
 

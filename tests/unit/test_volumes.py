@@ -76,8 +76,11 @@ def test_a_volume_needs_a_medium_and_a_place_in_the_world():
         scene.compile()
     scene = dl.Scene()
     group = scene.group("clouds", [dl.volumes.box(grid, medium_density=1)])
-    scene.add(dl.shapes.instance(group))
-    with pytest.raises(SceneError, match="a volume in a group"):
+    scene.add(dl.shapes.instance(group), dl.shapes.instance(group, transform=dl.translate(9, 0, 0)))
+    assert scene.compile().stats["volume_bytes"] == 2 * scene_with().compile().stats["volume_bytes"]
+    moves = {"transform": dl.Transform(), "transform1": dl.translate(1, 0, 0)}
+    scene.add(dl.shapes.instance(group, **moves))
+    with pytest.raises(SceneError, match=r"shapes\[2\].*a volume in a group that moves.*clouds.*rest"):
         scene.compile()
     scene = dl.Scene()
     scene.add(dl.volumes.box(grid, medium_density=1e7))
