@@ -24,7 +24,7 @@ ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftsh
 
 SECONDS = 150.0  # for what takes far less on a machine that is free
 WIDTH, HEIGHT = 900, 360
-SPP = 12
+SPP = 4
 FREE = (slice(205, HEIGHT - 5), slice(5, 550))  # what neither the panel nor a note covers
 SAME = 4.0  # `error` of two pictures of the same: what JPEG and the page's own resolution make of it
 
@@ -65,6 +65,12 @@ def set_number(page: Any, label: str, value: float) -> None:
     field.press("Enter")
 
 
+def choose(page: Any, label: str, name: str) -> None:
+    """Takes something from a list of the open tab."""
+    page.get_by_label(label, exact=True).click()
+    page.get_by_role("option", name=name, exact=True).click()
+
+
 def press(page: Any, label: str) -> None:
     """Presses a button of the open tab."""
     page.get_by_role("button", name=label, exact=True).click()
@@ -77,7 +83,7 @@ def converged(
 
     Args:
         page: the browser's. viewer: whose page it is.
-        samples: a pixel.
+        samples: a pixel, at least: the picture may have had more before it was told.
         also: what the picture must be, besides.
     """
     session = ready(page, viewer)
@@ -88,11 +94,12 @@ def converged(
     wanted: list[Any] = [None, None]
 
     def there() -> Any:
-        if session.limit != samples or session.moving or session.busy:
+        film = session.film
+        if session.limit != samples or session.moving or session.busy or film is None:
             return None
-        state = (session.camera, viewer._app.document.revision)
+        state = (session.camera, viewer._app.document.revision, viewer._app.frame, film.samples)
         if state != wanted[0]:
-            wanted[:] = state, rendered(session, viewer.scene, samples)
+            wanted[:] = state, rendered(session, viewer.scene.copy().at_frame(viewer._app.frame), film.samples)
         seen = shot(page)
         off[0] = error(seen, wanted[1])
         return (seen,) if off[0] < SAME and also(seen) else None

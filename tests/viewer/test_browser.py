@@ -15,7 +15,6 @@ from destello.viewer.server import Viewer
 from viewer_browser import (
     FREE,
     SAME,
-    SPP,
     converged,
     drag,
     error,
@@ -41,7 +40,8 @@ def page(browser: Any, viewer: Viewer) -> Iterator[Any]:
 
 def test_the_page_shows_what_render_makes(page: Any, viewer: Viewer) -> None:
     seen, session = converged(page, viewer)
-    wanted = rendered(session, viewer.scene, SPP)
+    assert session.film is not None
+    wanted = rendered(session, viewer.scene, session.film.samples)
     assert seen[FREE].std() > 15  # not blank
     assert error(seen, wanted) < SAME
     assert abs(seen[FREE].mean() - wanted[FREE].mean()) < 1  # not washed out

@@ -53,14 +53,19 @@ class App:
         self._thread.start()
 
     def stop(self, seconds: float) -> bool:
-        """Ends the thread, within that time; returns whether it ended."""
+        """Ends the thread, within that time; returns whether it has ended, and no final render goes on."""
         self._stopping = True
         for final in self.finals:
             final.cancel()
         self.engine.give_way()
         self._wake.set()
         self._thread.join(seconds)
-        return not self._thread.is_alive()
+        return not self.running and not self.final_running
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is at work."""
+        return self._thread.is_alive()
 
     def post(self, task: Task) -> bool:
         """Has something done in the render thread, soon: a pass that refines a picture is broken off for it.

@@ -40,6 +40,7 @@ class Viewer:
         scene: what is shown. Edit it as ever (`scene.shapes[0] = ...`): the pages follow, and pages edit it, too.
         url: where the page is, with the token if there is one.
         port: the one it got.
+        idle: once it is stopped, whether nothing is at work any more; False: a pass of a render is, for a moment.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Viewer:
             ensure_camera(scene)
         ensure_light(scene)
         self.scene = scene
+        self.idle = False
         self._app = App(scene, device, threads)
         camera = scene.camera
         assert camera is not None
@@ -77,9 +79,10 @@ class Viewer:
         atexit.unregister(self.stop)
         for session in list(self._app.sessions.values()):
             session.closed = True
-        for page in list(self._pages.values()):
-            page.close()
-        self._app.stop(_STOP)
+        self.idle = self._app.stop(_STOP)
+        if not self._app.running:  # else their films are in use, and go with the program
+            for page in list(self._pages.values()):
+                page.close()
         with _quiet():
             self._server.stop()
         self._pages.clear()
