@@ -4,8 +4,10 @@
 // (N, 3) float32 in the local frame; an array of one row goes with any number of rows.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 
+#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -170,6 +172,17 @@ void register_optics(nb::module_& m) {
         return d;
       },
       nb::arg("cosine"), nb::arg("roughness"), nb::arg("eta"), "OpenPBR's tables of single scattering.");
+  m.def(
+      "openpbr_stretched_losses",
+      [](const std::array<float, 3>& w, float ax, float ay, float eta) {
+        const Ggx g = {ax, ay};
+        const Vec3 d = {w[0], w[1], w[2]};
+        nb::dict out;
+        out["facets_lose"] = openpbr::facets_lose(d, g), out["facets_lose_mean"] = openpbr::facets_lose_mean(g);
+        out["lost"] = openpbr::lost(d, g, eta), out["lost_mean"] = openpbr::lost_mean(g, eta);
+        return out;
+      },
+      nb::arg("w"), nb::arg("ax"), nb::arg("ay"), nb::arg("eta"), "OpenPBR's tables for anisotropic facets.");
   m.def(
       "openpbr_interior",
       [](const nb::dict& values) {

@@ -48,6 +48,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason=f"no CUDA: {reason}"))
 
 
+@pytest.fixture(scope="session")
+def needs_mitsuba() -> None:
+    """Skips the test where Mitsuba 3 is missing or does not load."""
+    from mitsuba_scenes import mitsuba
+
+    try:
+        mitsuba()
+    except ImportError as error:
+        pytest.skip(f"no Mitsuba: {error}")
+
+
 def pytest_report_header() -> list[str]:
     import destello
 

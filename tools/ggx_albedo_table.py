@@ -6,7 +6,8 @@ Usage: python tools/ggx_albedo_table.py > core/bsdf/ggx_albedo_table.h
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from microfacets import Floats, cosine_mean, lines, masked, toward, visible_normals
 
 SIZE = 32  # entries along each axis
 NODES = 256  # quadrature nodes along each of the two dimensions of a microfacet sample
@@ -16,51 +17,18 @@ def split_albedo(mu: float, alpha: float) -> tuple[float, float]:
     """Return (a, b): the albedo of isotropic GGX under Schlick's Fresnel term is f0 * a + f90 * b.
 
     `mu` is the cosine of the outgoing direction, in (0, 1]; `alpha` in [0, 1]. Integrates G2/G1 over the visible
-    normals (spherical caps, Dupuy and Benyoub 2023) with Smith's height-correlated G2 by the midpoint rule.
+    normals with Smith's height-correlated G2.
     """
-    if alpha == 0:
-        weight = (1 - mu) ** 5
-        return 1 - weight, weight
-    u = (np.arange(NODES) + 0.5) / NODES
-    u1, u2 = (x.ravel() for x in np.meshgrid(u, u))
-    out = np.array([np.sqrt(1 - mu * mu), 0, mu])
-    stretched = out * [alpha, alpha, 1]
-    stretched /= np.linalg.norm(stretched)
-    z = (1 - u2) * (1 + stretched[2]) - stretched[2]
-    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
-    h = np.stack([radius * np.cos(2 * np.pi * u1), radius * np.sin(2 * np.pi * u1), z], -1) + stretched
-    h *= [alpha, alpha, 1]
-    h /= np.linalg.norm(h, axis=-1, keepdims=True)
-    cosine = h @ out
-    mu_in = 2 * cosine * h[:, 2] - mu
-    seen = mu_in > 0
-    mu_in = np.where(seen, mu_in, 1)
-    root_out = np.sqrt(mu * mu + alpha * alpha * (1 - mu * mu)) / mu
-    root_in = np.sqrt(mu_in * mu_in + alpha * alpha * (1 - mu_in * mu_in)) / mu_in
-    passed = np.where(seen, (1 + root_out) / (root_out + root_in), 0)
+    out = toward(mu)
+    h, cosine = visible_normals(out, alpha, alpha, NODES)
+    passed = masked(out, 2 * cosine[:, None] * h - out, alpha, alpha)
     weight = (1 - cosine) ** 5
     return float(np.mean(passed * (1 - weight))), float(np.mean(passed * weight))
 
 
-def cosine_mean(row: NDArray[np.float64]) -> float:
-    """Return 2 * integral of mu * row(mu) d mu, exactly for `row` (SIZE,) linear between nodes in x = sqrt(mu)."""
-    x = np.linspace(0, 1, SIZE)
-    lo, hi = x[:-1], x[1:]
-    slope = np.diff(row) / (hi - lo)
-    base = row[:-1] - slope * lo
-    return float(np.sum(base * (hi**4 - lo**4) + 0.8 * slope * (hi**5 - lo**5)))
-
-
-def rows(values: NDArray[np.float64]) -> str:
+def rows(values: Floats) -> str:
     """Return 16-bit fractions as C++ initialiser lines."""
-    words = [f"{round(v * 65535)}," for v in values.ravel()]
-    lines, line = [], "     "
-    for word in words:
-        if len(line) + 1 + len(word) > 120:
-            lines.append(line)
-            line = "     "
-        line += " " + word
-    return "\n".join([*lines, line])
+    return lines([f"{round(v * 65535)}," for v in values.ravel()])
 
 
 HEAD = """\

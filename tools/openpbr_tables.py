@@ -6,11 +6,12 @@ Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h, then clang-f
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from destello._core import testing
+from microfacets import Floats, cosine_mean, lines, masked, toward, visible_normals
 
-Floats = NDArray[np.float64]
+Facets = tuple[Floats, Floats, Floats, Floats, float, float]
+"""Direction of view, normals it sees, their cosines to it, what masking leaves of reflection; alpha along x and y."""
 
 COSINES, ROUGHNESSES = 32, 16  # grid in the square root of the cosine, and in roughness
 FINE_ROUGHNESSES = 31  # for what is reflected: all of the above and those between
@@ -18,31 +19,10 @@ REFLECTING, PASSING = 10, 21  # grid in s = (eta - 1) / (eta + 1): by the square
 NODES = 160  # quadrature nodes along each of the two dimensions of a microfacet sample
 WAVELENGTHS = 16
 
-
-def visible_normals(mu: float, alpha: float) -> tuple[Floats, Floats, Floats]:
-    """Return the direction of view and equally likely normals with their cosines to it (Dupuy and Benyoub 2023)."""
-    u = (np.arange(NODES) + 0.5) / NODES
-    u1, u2 = (x.ravel() for x in np.meshgrid(u, u))
-    out = np.array([np.sqrt(1 - mu * mu), 0, mu])
-    if alpha == 0:
-        return out, np.array([[0.0, 0.0, 1.0]]), np.array([mu])
-    stretched = out * [alpha, alpha, 1]
-    stretched /= np.linalg.norm(stretched)
-    z = (1 - u2) * (1 + stretched[2]) - stretched[2]
-    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
-    h = np.stack([radius * np.cos(2 * np.pi * u1), radius * np.sin(2 * np.pi * u1), z], -1) + stretched
-    h *= [alpha, alpha, 1]
-    h /= np.linalg.norm(h, axis=-1, keepdims=True)
-    return out, h, h @ out
-
-
-def masked(mu: float, mu_in: Floats, alpha: float) -> Floats:
-    """Return G2 / G1 of Smith's height-correlated masking and shadowing, 0 where mu_in <= 0."""
-    seen = mu_in > 0
-    c = np.where(seen, mu_in, 1)
-    root_out = np.sqrt(mu * mu + alpha * alpha * (1 - mu * mu)) / mu
-    root_in = np.sqrt(c * c + alpha * alpha * (1 - c * c)) / c
-    return np.where(seen, (1 + root_out) / (root_out + root_in), 0)
+# Anisotropic: by (ax - ay) / (ax + ay) from 0 (left out) to MOST_STRETCH, and the azimuth's cosine to the x axis.
+STRETCHES, AZIMUTHS, MOST_STRETCH = 4, 6, 0.96
+STRETCHED_COSINES, STRETCHED_ROUGHNESSES, STRETCHED_RATIOS = 12, 11, 9
+STRETCHED_NODES = 64
 
 
 def fresnel(cosine: Floats, eta: float) -> tuple[Floats, Floats]:
@@ -53,20 +33,66 @@ def fresnel(cosine: Floats, eta: float) -> tuple[Floats, Floats]:
     return np.where(cos2 > 0, (s * s + p * p) / 2, 1), t
 
 
+def etas(nodes: int) -> Floats:
+    """Return the ratios of indices of the grid of that many nodes over [1/3, 3]."""
+    t = np.linspace(-1, 1, nodes)
+    s = 0.5 * t * np.abs(t)
+    return np.asarray((1 + s) / (1 - s))
+
+
+def loss(facets: Facets, eta: float) -> float:
+    """Return what reflection and refraction lose."""
+    out, h, cosine, reflected, ax, ay = facets
+    f, t = fresnel(cosine, eta)
+    below = h * (cosine / eta - t)[:, None] - out / eta
+    return float(max(1 - np.mean(f * reflected + (1 - f) * masked(out, below * [1, 1, -1], ax, ay)), 0))
+
+
+def seen(out: Floats, ax: float, ay: float, nodes: int) -> Facets:
+    """Return the facets that a direction meets."""
+    h, cosine = visible_normals(out, ax, ay, nodes)
+    return out, h, cosine, masked(out, 2 * cosine[:, None] * h - out, ax, ay), ax, ay
+
+
 def albedos(mu: float, alpha: float) -> tuple[Floats, Floats]:
     """Return the reflected share for each s of REFLECTING, and what reflection and refraction lose, of PASSING."""
-    out, h, cosine = visible_normals(mu, alpha)
-    reflected = masked(mu, 2 * cosine * h[:, 2] - mu, alpha)
-    up, lost = np.empty(REFLECTING), np.empty(PASSING)
-    for k, s in enumerate(0.5 * np.linspace(0, 1, REFLECTING) ** 2):
-        up[k] = np.mean(fresnel(cosine, (1 + s) / (1 - s))[0] * reflected)
-    t = np.linspace(-1, 1, PASSING)
-    for k, s in enumerate(0.5 * t * np.abs(t)):
-        eta = (1 + s) / (1 - s)
-        f, t = fresnel(cosine, eta)
-        below = -(h[:, 2] * (cosine / eta - t) - out[2] / eta)
-        lost[k] = 1 - np.mean(f * reflected + (1 - f) * masked(mu, below, alpha))
-    return up, np.maximum(lost, 0)
+    facets = seen(toward(mu), alpha, alpha, NODES)
+    s = 0.5 * np.linspace(0, 1, REFLECTING) ** 2
+    up = [np.mean(fresnel(facets[2], eta)[0] * facets[3]) for eta in (1 + s) / (1 - s)]
+    return np.array(up), np.array([loss(facets, eta) for eta in etas(PASSING)])
+
+
+def stretched_losses(row: int) -> Floats:
+    """Return (stretch, cosine, azimuth, STRETCHED_RATIOS + 1): what stretched facets lose beyond isotropic ones.
+
+    `row` counts roughnesses. The last column is for facets that reflect all.
+    """
+    alpha = (row / (STRETCHED_ROUGHNESSES - 1)) ** 2
+    mus = np.maximum(np.linspace(0, 1, STRETCHED_COSINES) ** 2, 1e-4)
+
+    def losses(mu: float, cos_phi: float, stretch: float) -> Floats:
+        # ax : ay = 1 + stretch : 1 - stretch, with the mean square alpha^2
+        unit = alpha / np.sqrt(1 + stretch * stretch)
+        facets = seen(toward(mu, cos_phi), unit * (1 + stretch), unit * (1 - stretch), STRETCHED_NODES)
+        return np.array([*(loss(facets, eta) for eta in etas(STRETCHED_RATIOS)), 1 - np.mean(facets[3])])
+
+    stretches = np.linspace(0, MOST_STRETCH, STRETCHES + 1)[1:]
+    isotropic = [losses(mu, 1, 0) for mu in mus]
+    return np.array(
+        [
+            [[losses(mu, c, s) - isotropic[i] for c in np.linspace(0, 1, AZIMUTHS)] for i, mu in enumerate(mus)]
+            for s in stretches
+        ]
+    )
+
+
+def azimuth_mean(values: Floats) -> Floats:
+    """Return the mean over azimuths, exactly for values (..., AZIMUTHS) linear in its cosine between nodes."""
+    phi = (np.arange(100_000) + 0.5) * np.pi / 200_000
+    at = np.cos(phi) * (AZIMUTHS - 1)
+    low = np.minimum(at.astype(int), AZIMUTHS - 2)
+    weights = np.bincount(low, 1 - (at - low), AZIMUTHS) + np.bincount(low + 1, at - low, AZIMUTHS)
+    return np.asarray(values @ (weights / len(phi)))
 
 
 def fuzz_albedo(mu: float, roughness: float) -> float:
@@ -85,32 +111,13 @@ def fuzz_albedo(mu: float, roughness: float) -> float:
     return float(np.sum(f.mean(axis=1) * wz) * 2 * np.pi)
 
 
-def cosine_mean(rows: Floats) -> Floats:
-    """Return 2 * integral of mu * row(mu) d mu over the last axis, exactly for rows linear in sqrt(mu)."""
-    x = np.linspace(0, 1, rows.shape[-1])
-    lo, hi = x[:-1], x[1:]
-    slope = np.diff(rows) / (hi - lo)
-    base = rows[..., :-1] - slope * lo
-    return np.sum(base * (hi**4 - lo**4) + 0.8 * slope * (hi**5 - lo**5), axis=-1)
-
-
-def lines(words: list[str]) -> str:
-    """Return words as C++ initialiser lines."""
-    out, line = [], "     "
-    for word in words:
-        if len(line) + 1 + len(word) > 120:
-            out.append(line)
-            line = "     "
-        line += " " + word
-    return "\n".join([*out, line])
-
-
-def table(name: str, doc: str, values: Floats) -> str:
-    """Return a function that looks up 16-bit fractions."""
-    body = lines([f"{round(v * 65535)}," for v in values.ravel()])
+def table(name: str, doc: str, values: Floats, unit: int = 65535) -> str:
+    """Return a function that looks up 16-bit fractions, signed ones for a unit of 32767."""
+    kind = "uint16_t" if unit == 65535 else "int16_t"
+    body = lines([f"{round(v * unit)}," for v in values.ravel()])
     return (
-        f"\n// {doc}\nDST_FN uint16_t {name}(int i) {{\n"
-        f"  static constexpr uint16_t kTable[{values.size}] = {{\n{body}\n"
+        f"\n// {doc}\nDST_FN {kind} {name}(int i) {{\n"
+        f"  static constexpr {kind} kTable[{values.size}] = {{\n{body}\n"
         "  };\n  return kTable[i];\n}"
     )
 
@@ -129,6 +136,9 @@ namespace destello::openpbr {{
 
 inline constexpr int kCosines = {COSINES}, kRoughnesses = {ROUGHNESSES}, kFineRoughnesses = {FINE_ROUGHNESSES};
 inline constexpr int kReflecting = {REFLECTING}, kPassing = {PASSING};
+inline constexpr int kStretches = {STRETCHES}, kAzimuths = {AZIMUTHS}, kStretchedCosines = {STRETCHED_COSINES};
+inline constexpr int kStretchedRoughnesses = {STRETCHED_ROUGHNESSES}, kStretchedRatios = {STRETCHED_RATIOS};
+inline constexpr float kMostStretch = {MOST_STRETCH}f;
 inline constexpr int kFilmWavelengths = {WAVELENGTHS};
 """
 
@@ -149,6 +159,16 @@ def film_wavelengths() -> str:
         f"DST_FN Vec3 film_weight(int i) {{\n  static constexpr float kTable[{WAVELENGTHS}][3] = {{\n{body}\n  }};\n"
         "  return {kTable[i][0], kTable[i][1], kTable[i][2]};\n}"
     )
+
+
+def print_stretched() -> None:
+    """Print the tables of anisotropic facets."""
+    # (ratio, roughness, stretch, cosine, azimuth); the last ratio is perfect reflection's
+    beyond = np.moveaxis(np.array([stretched_losses(row) for row in range(STRETCHED_ROUGHNESSES)]), -1, 0)
+    means = cosine_mean(azimuth_mean(beyond))
+    order = "azimuth's cosine, root of the cosine, stretch, roughness, ratio of indices and last perfect reflection"
+    print(table("stretched_entry", f"What anisotropic facets lose beyond isotropic ones: {order}.", beyond, 32767))
+    print(table("stretched_mean_entry", "The same, its cosine-weighted mean over directions.", means, 32767))
 
 
 def main() -> None:
@@ -173,6 +193,7 @@ def main() -> None:
             fuzz / 4,
         )
     )
+    print_stretched()
     print(film_wavelengths())
     print("\n}  // namespace destello::openpbr")
 

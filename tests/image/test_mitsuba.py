@@ -16,15 +16,12 @@ from gltf_scenes import material_of
 from mitsuba_compare import compare
 from scene_files import Gltf, encode_image
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _needs_mitsuba():
-    try:
-        theirs.mitsuba()
-    except ImportError as error:
-        pytest.skip(f"no Mitsuba: {error}")
+pytestmark = [
+    pytest.mark.mitsuba,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+    pytest.mark.usefixtures("needs_mitsuba"),
+]
 
 
 def test_cornell_box(device):

@@ -9,15 +9,12 @@ import destello as dl
 import mitsuba_scenes as theirs
 from mitsuba_compare import compare
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _needs_mitsuba():
-    try:
-        theirs.mitsuba()
-    except ImportError as error:
-        pytest.skip(f"no Mitsuba: {error}")
+pytestmark = [
+    pytest.mark.mitsuba,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+    pytest.mark.usefixtures("needs_mitsuba"),
+]
 
 
 def cloud_in_a_room(**medium):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,10 @@ WHITE = dict.fromkeys(("base_color", "subsurface_color"), 1.0)
 DRAWS = settings(max_examples=1000, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 """A thousand draws for each property, the same ones in every run."""
 
-# Shares so little that their lobes round to nothing are left out: 4e-34 of glass gave back 3 times what came.
-unit = st.integers(0, 10_000).map(lambda i: i / 10_000)  # (integers: Hypothesis takes floats from whatever is imported)
-share = st.one_of(st.sampled_from([0.0, 1.0]), unit)
+# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed.
+unit = st.integers(0, 10_000).map(lambda i: i / 10_000)
+tiny = st.sampled_from([1e-45, 1e-39, 4e-34, 1e-20, 1e-9, 1e-6, 9e-6, 1.1e-5, 1 - 2e-5, 1 - 1e-6, 1 - 2**-24])
+share = st.one_of(st.sampled_from([0.0, 1.0]), unit, tiny)
 index = st.integers(1000, 3000).map(lambda i: i / 1000)
 colour = st.tuples(unit, unit, unit)
 
@@ -92,9 +94,7 @@ def test_never_more_than_came(params: dict[str, Any], view: tuple[float, float],
     assert np.isfinite(s.weight).all()
     assert (s.weight[s.ok] >= 0).all()
     albedo, slack = mean_power(c, view)
-    # Anisotropic facets are given back what isotropic ones lose: up to 8 % too much for glass of index 2, from inside.
-    anisotropic = params["specular_roughness_anisotropy"] > 0 or params["coat_roughness_anisotropy"] > 0
-    assert (albedo <= (1.1 if anisotropic else 1.03) + slack).all()
+    assert (albedo <= 1.03 + slack).all()
 
 
 @DRAWS
@@ -152,6 +152,57 @@ def test_tables_are_the_albedos_of_single_scattering(ior: float, roughness: floa
     s = Case("conductor", {"roughness": roughness, "fresnel": "none", "reflectance": 1.0}).sample(wo, u)
     t = testing.openpbr_albedos(cosine, roughness, 1.0)
     assert_mean(1 + s.power()[:, 0], 2 - t["facets_lose"], comparisons=200, slack=0.0015)
+
+
+def stretched(roughness: float, stretch: float) -> tuple[float, float]:
+    """Alpha along x and y whose mean square is that of isotropic facets; ax : ay = 1 + stretch : 1 - stretch."""
+    unit = roughness**2 / np.sqrt(1 + stretch**2)
+    return unit * (1 + stretch), unit * (1 - stretch)
+
+
+@pytest.mark.parametrize("anisotropy", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("roughness", [0.25, 0.55, 0.9])
+@pytest.mark.parametrize("ior", [1.5, 2.0])
+def test_tables_of_anisotropic_facets(ior: float, roughness: float, anisotropy: float) -> None:
+    """Against brute force: samples of single scattering, whichever the azimuth; within 0.02 of all light."""
+    aspect = 1 - anisotropy
+    ax, ay = stretched(roughness, (1 - aspect) / (1 + aspect))
+    u = np.random.default_rng([int(100 * ior), int(100 * roughness), int(10 * anisotropy)]).random((40_000, 2))
+    for cosine, turns in itertools.product((0.1, 0.4, 0.9), (0.0, 0.14, 0.25)):
+        wo = direction(cosine, turns).astype(np.float64)
+        for eta in (ior, 1 / ior):
+            t = testing.openpbr_stretched_losses(tuple(wo), ax, ay, eta)
+            lost, perfect = facets_lose(wo, ax, ay, eta, u)
+            assert_mean(1 + perfect, 1 + t["facets_lose"], comparisons=1000, slack=0.02)
+            assert_mean(1 + lost, 1 + t["lost"], comparisons=1000, slack=0.02)
+
+
+def facets_lose(wo: Floats, ax: float, ay: float, eta: float, u: Floats) -> tuple[Floats, Floats]:
+    """What samples of single scattering lose (N,), between dielectrics and where facets reflect all.
+
+    Normals are drawn from the slopes' own distribution, not as the core draws them, and weighted by Walter et al. 2007.
+    """
+    r = np.sqrt(u[:, 0] / (1 - u[:, 0]))
+    h = np.stack([-ax * r * np.cos(2 * np.pi * u[:, 1]), -ay * r * np.sin(2 * np.pi * u[:, 1]), np.ones_like(r)], -1)
+    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    c = h @ wo
+    cos2 = 1 - (1 - c**2) / eta**2
+    t = np.sqrt(np.maximum(cos2, 0))
+    a = np.abs(c)
+    s, p = (a - eta * t) / (a + eta * t), (eta * a - t) / (eta * a + t)
+    f = np.where(cos2 > 0, (s**2 + p**2) / 2, 1)
+
+    def root(w: Floats) -> Floats:
+        return np.asarray(np.sqrt(1 + ((ax * w[..., 0]) ** 2 + (ay * w[..., 1]) ** 2) / w[..., 2] ** 2))
+
+    def kept(wi: Floats, side: float) -> Floats:
+        ok = (side * wi[:, 2] > 0) & (c > 0)
+        g = 2 / (root(wo) + root(np.where(ok[:, None], wi, [0, 0, 1])))
+        return np.asarray(np.where(ok, g * c / (wo[2] * h[:, 2]), 0))
+
+    up = kept(2 * c[:, None] * h - wo, 1)
+    down = kept(h * (c / eta - t)[:, None] - wo / eta, -1)
+    return 1 - f * up - (1 - f) * down, 1 - up
 
 
 def test_fuzz_albedo_by_quadrature() -> None:
@@ -222,10 +273,7 @@ def test_no_film_and_film_of_the_base_are_the_same() -> None:
 
 def mitsuba_eval(bsdf: dict[str, Any], wo: Floats, wi: Floats) -> Floats:
     """f |cos| (N, 3) of a Mitsuba BSDF in its local frame; radiance flows to wo."""
-    try:
-        mi = mitsuba()
-    except ImportError as error:
-        pytest.skip(f"no Mitsuba: {error}")
+    mi = mitsuba()
     b, si = mi.load_dict(bsdf), mi.SurfaceInteraction3f()
     si.wi = mi.Vector3f(*(float(x) for x in wo))
     values = [b.eval(mi.BSDFContext(), si, mi.Vector3f(*(float(x) for x in w))) for w in wi]
@@ -283,6 +331,7 @@ PEERS = [
 
 
 @pytest.mark.mitsuba
+@pytest.mark.usefixtures("needs_mitsuba")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("peer", PEERS, ids=[p[0] for p in PEERS])
 def test_agrees_with_mitsuba_where_the_models_coincide(peer: Any) -> None:

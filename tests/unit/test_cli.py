@@ -177,6 +177,22 @@ def test_info_devices_scenes_version_help():
         assert "Usage" in done.stdout
 
 
+def test_info_lists_the_extensions_that_are_ignored(tmp_path):
+    from scene_files import Gltf
+
+    g = Gltf()
+    g.extend("VENDOR_glitter")
+    for _ in range(2):
+        g.node(mesh=g.quad())
+    done = run("info", str(g.gltf(tmp_path)))
+    assert done.exit_code == 0
+    assert (done.stdout + done.stderr).count("VENDOR_glitter") == 1
+    g.extend("VENDOR_needed", required=True)
+    done = run("info", str(g.gltf(tmp_path)))
+    assert done.exit_code == 2
+    assert "VENDOR_needed" in done.stderr
+
+
 def test_convert_writes_a_scene_that_renders_the_same():
     done = run("convert", "cornell", "-o", "c.yaml")
     assert done.exit_code == 0, done.stderr

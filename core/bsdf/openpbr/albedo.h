@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bsdf/ggx_albedo_table.h"
+#include "bsdf/microfacet.h"
 #include "bsdf/openpbr/tables.h"
 
 namespace destello::openpbr {
@@ -15,6 +16,7 @@ struct Between {
     i = min(static_cast<int>(t), n - 2);
     f = t - static_cast<float>(i);
   }
+  DST_HD float weight(int end) const { return end == 0 ? 1.0f - f : f; }
 };
 
 struct ReflectedTable {
@@ -25,9 +27,9 @@ struct ReflectedTable {
 };
 struct LostTable {
   static constexpr int kRatios = kPassing, kRows = kRoughnesses;
-  DST_HD static Between ratio(float eta) {
+  DST_HD static Between ratio(float eta, int nodes = kRatios) {
     const float s = (eta - 1) / (eta + 1);
-    return {0.5f + 0.5f * copysignf(sqrtf(2 * fabsf(s)), s), kRatios};
+    return {0.5f + 0.5f * copysignf(sqrtf(2 * fabsf(s)), s), nodes};
   }
   DST_HD static float entry(int i) { return static_cast<float>(lost_entry(i)); }
   DST_HD static float mean_entry(int i) { return static_cast<float>(lost_mean_entry(i)); }
@@ -77,6 +79,68 @@ DST_FN float facets_lose_mean(float roughness) {
     return static_cast<float>(ggx_albedo_mean_a(i)) + static_cast<float>(ggx_albedo_mean_b(i));
   };
   return max(1.0f - lerp(at(r.i), at(r.i + 1), r.f) * (1.0f / 65535), 0.0f);
+}
+
+// --- anisotropic facets: beside what isotropic ones of the same mean square of alpha do ---
+
+DST_FN float mean_roughness(const Ggx& g) { return sqrtf(sqrtf(0.5f * (g.ax * g.ax + g.ay * g.ay))); }
+
+// Sum over the nodes about g of what `at` says of a row of the table, whose ratios of indices begin at `first`.
+template <class At>
+DST_FN float sum_stretched(const Ggx& g, int first, Between ratio, const At& at) {
+  const Between r(mean_roughness(g), kStretchedRoughnesses);
+  const Between s(fabsf(g.ax - g.ay) / ((g.ax + g.ay) * kMostStretch), kStretches + 1);
+  float sum = 0;
+  for (int k = 0; k < 8; ++k) {
+    const int stretch = s.i + k % 2 - 1;  // without a stretch there is nothing to add
+    const float w = ratio.weight(k / 4) * r.weight(k / 2 % 2) * s.weight(k % 2);
+    if (stretch < 0 || !(w > 0)) continue;
+    sum += w * at(((first + ratio.i + k / 4) * kStretchedRoughnesses + r.i + k / 2 % 2) * kStretches + stretch);
+  }
+  return sum * (1.0f / 32767);
+}
+DST_FN DST_COLD float stretched(Vec3 w, const Ggx& g, int first, Between ratio) {
+  const float across = w.x * w.x + w.y * w.y, along = fabsf(g.ax > g.ay ? w.x : w.y);
+  const Between c(sqrtf(saturate(w.z)), kStretchedCosines), a(across > 0 ? along / sqrtf(across) : 0, kAzimuths);
+  return sum_stretched(g, first, ratio, [&](int row) {
+    const auto azimuths = [&](int i) {
+      return lerp(static_cast<float>(stretched_entry(i)), static_cast<float>(stretched_entry(i + 1)), a.f);
+    };
+    const int k = (row * kStretchedCosines + c.i) * kAzimuths + a.i;
+    return lerp(azimuths(k), azimuths(k + kAzimuths), c.f);
+  });
+}
+DST_FN DST_COLD float stretched_mean(const Ggx& g, int first, Between ratio) {
+  return sum_stretched(g, first, ratio, [](int row) { return static_cast<float>(stretched_mean_entry(row)); });
+}
+// Facets that reflect all are the table's last ratio.
+DST_FN Between no_ratio() { return {0.0f, 2}; }
+
+// The above for any facets; w.z >= 0.
+DST_FN float facets_lose(Vec3 w, const Ggx& g) {
+  const float isotropic = facets_lose(w.z, mean_roughness(g));
+  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched(w, g, kStretchedRatios, no_ratio()));
+}
+DST_FN float facets_lose_mean(const Ggx& g) {
+  const float isotropic = facets_lose_mean(mean_roughness(g));
+  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched_mean(g, kStretchedRatios, no_ratio()));
+}
+DST_FN float lost(Vec3 w, const Ggx& g, float eta) {
+  const float isotropic = lost(w.z, mean_roughness(g), eta);
+  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched(w, g, 0, LostTable::ratio(eta, kStretchedRatios)));
+}
+DST_FN float lost_mean(const Ggx& g, float eta) {
+  const float isotropic = lost_mean(mean_roughness(g), eta);
+  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched_mean(g, 0, LostTable::ratio(eta, kStretchedRatios)));
+}
+// Dielectrics reflect by the share of what perfect facets do.
+DST_FN float reflected(Vec3 w, const Ggx& g, float eta) {
+  const float r = mean_roughness(g), isotropic = reflected(w.z, r, eta);
+  return g.ax == g.ay ? isotropic : isotropic * (1.0f - facets_lose(w, g)) / max(1.0f - facets_lose(w.z, r), 1e-6f);
+}
+DST_FN float reflected_mean(const Ggx& g, float eta) {
+  const float r = mean_roughness(g), isotropic = reflected_mean(r, eta);
+  return g.ax == g.ay ? isotropic : isotropic * (1.0f - facets_lose_mean(g)) / (1.0f - facets_lose_mean(r));
 }
 
 // Albedo of the fuzz lobe before it is held below 1.

@@ -9,9 +9,6 @@
 
 namespace destello::openpbr {
 
-// The isotropic roughness of the same mean square of alpha.
-DST_FN float mean_roughness(const Ggx& g) { return sqrtf(sqrtf(0.5f * (g.ax * g.ax + g.ay * g.ay))); }
-
 // Light that meets the boundary is reflected or refracted by its facets once (GGX), or scattered among them or below and
 // comes out evenly:
 // - what single scattering loses, metal and glass give back by a lobe of their own (Kulla and Conty 2017, "Revisiting
@@ -44,28 +41,19 @@ struct Base {
   float enter = 1;                          // subsurface: what of the light left to it goes in or out,
   Vec3 held;                                // and what is held back inside
 
-  // The roughness at which isotropic facets lose about as much of a direction's light: at normal incidence alpha is the root
-  // mean square, towards grazing the roughness across the way counts more (fitted to quadrature).
-  DST_HD DST_COLD float roughness_towards(Vec3 w) const {
-    const float r = mean_roughness(ggx), s2 = 1.0f - w.z * w.z;
-    if (ggx.ax == ggx.ay || s2 < 1e-6f) return r;
-    const float along = sqr(ggx.ax * w.x) + sqr(ggx.ay * w.y), across = sqr(ggx.ay * w.x) + sqr(ggx.ax * w.y);
-    return min(r * powf(across / along, 0.15f * sqr(1.0f - w.z)), 1.0f);
-  }
   DST_HD bool smooth() const { return ggx.smooth(); }
   DST_HD bool straight() const { return !thin && fabsf(eta - 1.0f) < 1e-3f; }
   DST_HD bool passes_delta() const { return smooth() || straight(); }
   DST_HD bool only_delta() const { return smooth() && below <= 0 && diffuse <= 0; }
 
   DST_HD void finish() {
-    const float r = mean_roughness(ggx);
-    if (below + diffuse > 0) mean_left = mean_left_by_gloss(r);
+    if (below + diffuse > 0) mean_left = mean_left_by_gloss();
     if (metal > 0) {
       const Vec3 f = metal_fresnel.mean();
-      const float e = facets_lose_mean(r);
+      const float e = facets_lose_mean(ggx);
       metal_lost = e > 1e-6f ? f * f * (1 - e) / (Vec3(1) - f * e) * (1.0f / e) : Vec3(0);
     }
-    if (through > 0) share_out_lost(r);
+    if (through > 0) share_out_lost();
     enter = min(eta * eta, 1.0f);  // from the far side min(1 / eta^2, 1): reciprocal
     held = Vec3(1) - mean_left * enter;
   }
@@ -95,13 +83,12 @@ struct Base {
   };
   DST_HD DST_COLD View view(Vec3 w) const {
     const Vec3 up = {w.x, w.y, fabsf(w.z)};
-    const float r = roughness_towards(up);
     View v;
-    if (below + diffuse > 0) v.left = left_by_gloss(up.z, r);
+    if (below + diffuse > 0) v.left = left_by_gloss(up);
     if (smooth()) return v;
-    if (metal > 0 || (thin && through > 0)) v.metal_lost = facets_lose(up.z, r);
+    if (metal > 0 || (thin && through > 0)) v.metal_lost = facets_lose(up, ggx);
     if (through > 0 && thin) v.near = v.far = v.metal_lost;
-    if (through > 0 && !thin && !passes_delta()) v.near = lost(up.z, r, eta), v.far = lost(up.z, r, 1.0f / eta);
+    if (through > 0 && !thin && !passes_delta()) v.near = lost(up, ggx, eta), v.far = lost(up, ggx, 1.0f / eta);
     return v;
   }
 
@@ -132,10 +119,10 @@ struct Base {
  private:
   // What gloss reflects of a direction. With a film it is the film's reflectance at that cosine at which the bare gloss
   // reflects as much of what perfect facets do.
-  DST_HD Vec3 gloss_of(float cosine, float r) const {
-    const float e = reflected(cosine, r, gloss_eta);
+  DST_HD Vec3 gloss_of(Vec3 w) const {
+    const float e = reflected(w, ggx, gloss_eta);
     if (!(film.weight > 0)) return Vec3(e);
-    const float most = 1.0f - facets_lose(cosine, r);
+    const float most = 1.0f - facets_lose(w, ggx);
     return min(film.dielectric(cosine_of(e / max(most, 1e-6f)), gloss_eta) * most, Vec3(0.9999f));
   }
   DST_HD DST_COLD float cosine_of(float reflectance) const {
@@ -150,12 +137,16 @@ struct Base {
     }
     return 0.5f * (lo + hi);
   }
-  DST_HD Vec3 left_by_gloss(float cosine, float r) const { return Vec3(1) - gloss_of(cosine, r); }
-  DST_HD Vec3 mean_left_by_gloss(float r) const {
-    if (!(film.weight > 0)) return Vec3(1.0f - reflected_mean(r, gloss_eta));
+  DST_HD Vec3 left_by_gloss(Vec3 w) const { return Vec3(1) - gloss_of(w); }
+  DST_HD Vec3 mean_left_by_gloss() const {
+    if (!(film.weight > 0)) return Vec3(1.0f - reflected_mean(ggx, gloss_eta));
     constexpr int n = 8;
     Vec3 sum;
-    for (int i = 0; i < n; ++i) sum += left_by_gloss(sqrtf((static_cast<float>(i) + 0.5f) / n), r);
+    for (int i = 0; i < n; ++i) {  // over a quarter, each cosine with an azimuth of its own
+      const float z2 = (static_cast<float>(i) + 0.5f) / n, sine = sqrtf(1.0f - z2);
+      const SinCos a = sincos_turns((static_cast<float>(i * 3 % n) + 0.5f) / (4 * n));
+      sum += left_by_gloss({sine * a.cos, sine * a.sin, sqrtf(z2)});
+    }
     return sum / static_cast<float>(n);
   }
   DST_HD Vec3 reflected_below(const View& o, const View& i) const {
@@ -169,19 +160,19 @@ struct Base {
   }
   // x of the light that glass loses goes through, the rest comes back. Reciprocal if x near_lost is eta^2 times what it is
   // from the other side; energy is kept whatever x is.
-  DST_HD void share_out_lost(float r) {
+  DST_HD void share_out_lost() {
     if (passes_delta() && !thin) return;
     if (thin) {
-      near_lost = far_lost = facets_lose_mean(r);
-      const float f = reflected_mean(0, gloss_eta);
+      near_lost = far_lost = facets_lose_mean(ggx);
+      const float f = reflected_mean(0.0f, gloss_eta);
       back_share = 2 * f / (1 + f);
     } else {
-      near_lost = lost_mean(r, eta), far_lost = lost_mean(r, 1.0f / eta);
+      near_lost = lost_mean(ggx, eta), far_lost = lost_mean(ggx, 1.0f / eta);
       // Of the side of the lower index, 1 - F in the mean; from the other by reciprocity.
       const bool low = eta >= 1;
       const float n2 = low ? eta * eta : 1.0f / (eta * eta), a = low ? near_lost : far_lost,
                   b = low ? far_lost : near_lost;
-      const float pass = 1.0f - reflected_mean(0, sqrtf(n2));
+      const float pass = 1.0f - reflected_mean(0.0f, sqrtf(n2));
       const float from_low = a > 0 ? pass * min(1.0f, b * n2 / (pass * a)) : 0.0f;
       back_share = 1.0f - (low ? from_low : b > 0 ? from_low * a / (b * n2) : 0.0f);
     }

@@ -113,8 +113,8 @@ struct OpenPbr {
       boolean("geometry_thin_walled", &S::geometry_thin_walled, false, "a sheet without an inside"));
 
   DST_HD bool has_inside() const {
-    return !geometry_thin_walled && base_metalness < 1 &&
-           (transmission_weight > 0 || (subsurface_weight > 0 && transmission_weight < 1));
+    const Shares s = shares();
+    return !geometry_thin_walled && (s.through > 0 || s.below > 0);
   }
   DST_HD bool needs_wavelength() const {
     return transmission_dispersion_scale > 0 && transmission_weight > 0 && !geometry_thin_walled;
@@ -122,11 +122,8 @@ struct OpenPbr {
 
   DST_HD DST_COLD void prepare(const BsdfContext& context) {
     openpbr::Base& b = layers.base;
-    const float dielectric = 1 - base_metalness, opaque = dielectric * (1 - transmission_weight);
-    b.metal = base_metalness;
-    b.through = dielectric * transmission_weight;
-    b.below = opaque * subsurface_weight;
-    b.diffuse = opaque * (1 - subsurface_weight);
+    const Shares share = shares();
+    b.metal = share.metal, b.through = share.through, b.below = share.below, b.diffuse = share.diffuse;
     b.thin = geometry_thin_walled;
     b.inside = has_inside() && !context.front;
     prepare_boundary(context);
@@ -137,8 +134,8 @@ struct OpenPbr {
     b.tint = geometry_thin_walled || transmission_depth <= 0 ? transmission_color : Vec3(1);
     b.specular_color = b.inside ? Vec3(1) : specular_color;
     b.metal_fresnel = openpbr::MetalFresnel::make(b.color, specular_color, specular_weight);
-    layers.fuzz = {fuzz_weight, fuzz_color, fuzz_roughness};
-    layers.coat = coat_weight;
+    layers.fuzz = {seen(fuzz_weight), fuzz_color, fuzz_roughness};
+    layers.coat = seen(coat_weight);
     layers.coat_ggx = ggx(coat_roughness, coat_roughness_anisotropy);
     layers.coat_eta = clamp(coat_ior / context.outside_ior, 1.0f / 3, 3.0f);
     layers.coat_color = coat_color;
@@ -151,6 +148,19 @@ struct OpenPbr {
   DST_HD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const { return layers.sample(wo, uc, u); }
 
  private:
+  // What is less than a hundred-thousandth is nothing: the probabilities of such lobes would round to anything.
+  DST_HD static float seen(float share) { return share < 1e-5f ? 0.0f : share; }
+  // Of the base's parts; they sum to 1.
+  struct Shares {
+    float metal, through, below, diffuse;
+  };
+  DST_HD Shares shares() const {
+    const float dielectric = 1 - base_metalness, opaque = dielectric * (1 - transmission_weight);
+    const Shares s = {seen(base_metalness), seen(dielectric * transmission_weight), seen(opaque * subsurface_weight),
+                      seen(opaque * (1 - subsurface_weight))};
+    const float scale = 1.0f / (s.metal + s.through + s.below + s.diffuse);
+    return {s.metal * scale, s.through * scale, s.below * scale, s.diffuse * scale};
+  }
   // alpha by roughness and anisotropy so that the mean of their squares stays (specification, "Microfacet model").
   DST_HD static Ggx ggx(float roughness, float anisotropy) {
     const float alpha = roughness * roughness;

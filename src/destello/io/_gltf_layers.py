@@ -164,8 +164,11 @@ class Layers:
         made: dict[str, Value] = {"specular_roughness_anisotropy": slot(1.0 - across / along, texture, channel="b")}
         if isinstance(roughness, float):
             made["specular_roughness"] = min(((along * along + across * across) / 2) ** 0.25, 1.0)
-        if found.number("anisotropyRotation", 0.0) != 0 or texture is not None:
-            self._note(f"{found.place}: anisotropy follows the mesh's tangents; its rotation is left out")
+        turn = found.number("anisotropyRotation", 0.0)
+        if texture is not None:  # its red and green are the direction, which the angle turns
+            return made | {"tangent_map": texture, "tangent_rotation": math.degrees(turn)}
+        if turn != 0:  # towards the bitangent, also where that is on the other side as in mirrored coordinates
+            made["tangent_map"] = (0.5 + 0.5 * math.cos(turn), 0.5 + 0.5 * math.sin(turn), 0.5)
         return made
 
     # --- light that passes --------------------------------------------------------------------------------------------
