@@ -2,6 +2,8 @@
 // once where the processor has AVX2. Twin of traverse_groups in traversal.h: a tree with the same leaves, the same hits.
 #pragma once
 
+#include <bit>
+
 #include "accel/host_node.h"
 #include "accel/host_spheres.h"
 #include "accel/host_triangles.h"
@@ -52,6 +54,14 @@ inline __attribute__((always_inline)) bool hit_target(const GeometryView& g, Hos
   return found;
 }
 
+// The bits of the instances among the primitives of a leaf.
+inline uint32_t instances_in(const GeometryView& g, HostTarget target) {
+  uint32_t bits = 0;
+  for (uint32_t i = 0; i < static_cast<uint32_t>(target.kind()); ++i)
+    if (g.leaves[target.place() + i].kind() == PrimitiveKind::Instance) bits |= 1u << i;
+  return bits;
+}
+
 // What a traversal must be ready for; code for all else is left out.
 enum class HostScene {
   OnlySpheres,  // GeometryView::only_blocks
@@ -88,7 +98,11 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
         nearer = false;
       }
     } else {
-      nearer = hit_target<kAny>(g, e.target(), local, hit, &instances);
+      const HostTarget target = e.target();
+      const bool primitives = kInstances && instance == Hit::kNone && target.kind() <= HostKind::ThreePrimitives;
+      if (primitives) instances = instances_in(g, target);
+      if (!primitives || std::popcount(instances) != static_cast<int>(target.kind()))
+        nearer = hit_target<kAny>(g, target, local, hit, &instances);
     }
     if (nearer) {
       hit->instance = instance;
