@@ -2,8 +2,6 @@
 // once where the processor has AVX2. Twin of traverse_groups in traversal.h: a tree with the same leaves, the same hits.
 #pragma once
 
-#include <bit>
-
 #include "accel/host_node.h"
 #include "accel/host_spheres.h"
 #include "accel/host_triangles.h"
@@ -54,12 +52,17 @@ inline __attribute__((always_inline)) bool hit_target(const GeometryView& g, Hos
   return found;
 }
 
-// The bits of the instances among the primitives of a leaf.
-inline uint32_t instances_in(const GeometryView& g, HostTarget target) {
-  uint32_t bits = 0;
-  for (uint32_t i = 0; i < static_cast<uint32_t>(target.kind()); ++i)
-    if (g.leaves[target.place() + i].kind() == PrimitiveKind::Instance) bits |= 1u << i;
-  return bits;
+// hit_target, but that leaves of instances alone, which lie in the world, take no test.
+template <bool kAny, bool kInstances>
+inline __attribute__((always_inline)) bool hit_leaf(const GeometryView& g, HostTarget target, uint32_t instance,
+                                                    const HostRay& ray, Hit* hit, uint32_t* instances) {
+  const uint32_t count = static_cast<uint32_t>(target.kind());
+  if (kInstances && instance == Hit::kNone && target.kind() <= HostKind::ThreePrimitives) {
+    for (uint32_t i = 0; i < count; ++i)
+      if (g.leaves[target.place() + i].kind() == PrimitiveKind::Instance) *instances |= 1u << i;
+    if (*instances == (1u << count) - 1) return false;
+  }
+  return hit_target<kAny>(g, target, ray, hit, instances);
 }
 
 // What a traversal must be ready for; code for all else is left out.
@@ -98,11 +101,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
         nearer = false;
       }
     } else {
-      const HostTarget target = e.target();
-      const bool primitives = kInstances && instance == Hit::kNone && target.kind() <= HostKind::ThreePrimitives;
-      if (primitives) instances = instances_in(g, target);
-      if (!primitives || std::popcount(instances) != static_cast<int>(target.kind()))
-        nearer = hit_target<kAny>(g, target, local, hit, &instances);
+      nearer = hit_leaf<kAny, kInstances>(g, e.target(), instance, local, hit, &instances);
     }
     if (nearer) {
       hit->instance = instance;
