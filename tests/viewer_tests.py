@@ -10,6 +10,7 @@ import numpy as np
 
 from destello.viewer.camera import Frame, View
 from destello.viewer.server import Viewer
+from destello.viewer.session import Session
 from viser_page import Page, camera_message, pixels
 
 SIZE = (96, 64)
@@ -35,6 +36,24 @@ def eventually(what: Callable[[], Any], seconds: float = SECONDS) -> Any:
         assert time.monotonic() < end, "it never came to pass"
         time.sleep(0.02)
     return found
+
+
+def message_of(page: Page, kind: str) -> dict[str, Any] | None:
+    """The first message of that kind, once it is there."""
+    for message in page.messages:
+        if message["type"] == kind:
+            return message
+    page.receive(SECONDS)
+    return None
+
+
+def select_short_box(viewer: Viewer, page: Page) -> Session:
+    """Clicks on it in the Cornell box's picture, waits until it is selected, and returns the page's session."""
+    page.frame()
+    page.click(0.58, 0.75)
+    session = next(iter(viewer._app.sessions.values()))
+    assert eventually(lambda: session.selected) == 7
+    return session
 
 
 def finished(viewer: Viewer, page: Page, samples: int) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from destello.viewer.newest import Newest
 from destello.viewer.placement import pose_of
 from destello.viewer.server import Viewer
-from viewer_tests import SECONDS, eventually, first, look
+from viewer_tests import SECONDS, eventually, first, look, message_of, select_short_box
 from viser_page import Page
 
 
@@ -67,10 +67,7 @@ def test_a_page_that_moves_before_its_panels_are_there_is_seen_from_where_it_sta
 def test_the_end_of_a_drag_counts_though_it_comes_during_an_edit(viewer: Viewer) -> None:
     with Page(viewer.url) as page:
         look(viewer, page)
-        page.frame()
-        page.click(0.58, 0.75)  # the short box
-        session = next(iter(viewer._app.sessions.values()))
-        assert eventually(lambda: session.selected) == 7
+        session = select_short_box(viewer, page)
         gizmo = eventually(lambda: message_of(page, "TransformControlsMessage"))
         gate = Gate()
         viewer._app.on_change.append(gate)
@@ -98,12 +95,3 @@ def test_the_end_of_a_drag_counts_though_it_comes_during_an_edit(viewer: Viewer)
 def middle(viewer: Viewer) -> Any:
     """Where the short box is: the middle of its bounds."""
     return pose_of(viewer.scene, viewer.scene.shapes[7]).position
-
-
-def message_of(page: Page, kind: str) -> dict[str, Any] | None:
-    """The first message of that kind, once it is there."""
-    for message in page.messages:
-        if message["type"] == kind:
-            return message
-    page.receive(SECONDS)
-    return None

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 import destello as dl
 from destello.viewer.picture import OUTLINE
 from destello.viewer.server import Viewer
-from viewer_tests import SECONDS, SIZE, eventually, finished, first, look
+from viewer_tests import SECONDS, SIZE, eventually, finished, first, look, message_of, select_short_box
 from viser_page import Page, pixels
 
 
@@ -45,11 +44,8 @@ def test_the_picture_is_as_fine_as_the_canvas_and_coarser_while_it_moves(viewer:
 def test_clicking_selects_and_the_gizmo_moves_what_is_saved(viewer: Viewer) -> None:
     with Page(viewer.url) as page:
         look(viewer, page)
-        page.frame()
-        page.click(0.58, 0.75)  # the short box
-        session = next(iter(viewer._app.sessions.values()))
-        assert eventually(lambda: session.selected) == 7
-        gizmo = eventually(lambda: gizmo_of(page))
+        select_short_box(viewer, page)
+        gizmo = eventually(lambda: message_of(page, "TransformControlsMessage"))
         eventually(lambda: outlined(pixels(page.frame())) > 40)
         before = viewer.scene.shapes[7]["transform"].matrix
         moved = {"type": "TransformControlsUpdateMessage", "name": "/selected", "owner": gizmo["owner"]}
@@ -72,14 +68,6 @@ def scene_file(viewer: Viewer) -> tuple[str, bytes]:
     from destello.viewer.panel_save import scene_file
 
     return scene_file(viewer.scene, "cornell")
-
-
-def gizmo_of(page: Page) -> dict[str, Any] | None:
-    for message in page.messages:
-        if message["type"] == "TransformControlsMessage":
-            return message
-    page.receive(SECONDS)
-    return None
 
 
 def test_a_material_edit_changes_the_picture(viewer: Viewer) -> None:

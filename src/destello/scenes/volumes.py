@@ -82,10 +82,8 @@ def fire() -> Scene:
 
     import destello as dl
 
-    low, high = (
-        (-0.7, -0.02, -0.7),
-        (0.7, 2.4, 0.7),
-    )  # its floor below the ground: coinciding boundaries are not supported
+    # Its floor is below the ground: coinciding boundaries are not supported.
+    low, high = (-0.7, -0.02, -0.7), (0.7, 2.4, 0.7)
     points = box_points((40, 72, 40), low, high)
     height = np.maximum(points[..., 1], 0)
     sway = 0.12 * height[..., None] * (fractal_noise(points * (1.5, 1, 1.5) + 3, 2)[..., None] - 0.5) * (4, 0, 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 Value = TypeVar("Value")
@@ -21,6 +22,11 @@ class Newest(Generic[Value]):
             was_empty = self._value is None
             self._value = value
             return was_empty
+
+    def hand(self, value: Value, tell: Callable[[], bool]) -> None:
+        """Leaves a value, and calls `tell` if there was none; if that returns False nobody comes, and it is dropped."""
+        if self.put(value) and not tell():
+            self.take()
 
     def take(self) -> Value | None:
         """The value, which is gone then; None if there is none."""

@@ -103,8 +103,7 @@ class Page:
 
     async def camera_moved(self, camera: Any) -> None:
         """Heard from the page's first message on, before the panels are there: it may be the last one for long."""
-        if self._seen.put(View.from_page(camera, self.session.frame)) and not self.app.post(self._look):
-            self._seen.take()
+        self._seen.hand(View.from_page(camera, self.session.frame), lambda: self.app.post(self._look))
 
     def _look(self) -> None:
         view = self._seen.take()

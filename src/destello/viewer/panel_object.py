@@ -165,8 +165,7 @@ class ObjectPanel:
         if event.target is not self._gizmo:
             return  # it has been taken away: another object is selected
         place = (event.target.wxyz.copy(), event.target.position.copy(), event.phase)
-        if self._dragged.put(place) and not self._page.post(self._drop):
-            self._dragged.take()
+        self._dragged.hand(place, lambda: self._page.post(self._drop))
 
     def _drop(self) -> None:
         dragged = self._dragged.take()
@@ -182,8 +181,7 @@ class ObjectPanel:
                 self._page.app.document.seal()
 
     def _scaled(self, pull: Pull) -> None:
-        if self._pulled.put(pull) and not self._page.post(self._rescale):
-            self._pulled.take()
+        self._pulled.hand(pull, lambda: self._page.post(self._rescale))
 
     def _rescale(self) -> None:
         pull, before = self._pulled.take(), self._pull
