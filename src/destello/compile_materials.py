@@ -38,6 +38,14 @@ class MaterialCompiler:
         self._textures: dict[tuple[Node, bool], int | None] = {}
         self._default: int | None = None
         self._channels: dict[Node, str] = {}  # of image textures
+        self._placed: dict[Transform, MaterialCompiler] = {}
+
+    def placed(self, place: Transform) -> MaterialCompiler:
+        """One for the same scene's materials with volumes: these stand in `place`, with voxels of their own."""
+        if place not in self._placed:
+            outer = self._outer @ place
+            self._placed[place] = MaterialCompiler(self._builder, self._assets, self._images, outer)
+        return self._placed[place]
 
     def material(self, node: Node | None, place: str) -> int:
         """The core's number of a material; None is the default one, grey and diffuse."""
