@@ -11,12 +11,13 @@ from destello.assets import Assets
 from destello.color_spaces import converted
 from destello.compile_errors import core_errors
 from destello.errors import SceneError
+from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
-from destello.udim import MARK, read_tiles
+from destello.udim import read_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
