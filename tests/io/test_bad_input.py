@@ -45,8 +45,8 @@ def grey(size: tuple[int, int] = (4, 4), channels: int = 3, kind: type = np.uint
     return np.full((*size, channels), 100, kind)
 
 
-def image(path: str, name: str = "reflectance") -> str:
-    return "{type: diffuse, %s: {type: image, path: %s}}" % (name, path)
+def image(path: str) -> str:
+    return f"{{type: diffuse, reflectance: {{type: image, path: {path}}}}}"
 
 
 @pytest.mark.parametrize(

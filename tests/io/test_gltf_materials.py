@@ -281,6 +281,52 @@ def test_what_has_no_place_in_a_path_tracer_is_said_once(tmp_path: Path) -> None
     assert not any("not applied" in note for note in load(g.glb(tmp_path)).notes)
 
 
+def test_every_slot_has_its_texture_transform(tmp_path: Path) -> None:
+    """Each texture of a material has a scale of its own, and comes out with it."""
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    scales = iter(range(2, 100))
+
+    def info(**more: Any) -> dict[str, Any]:
+        return {"index": index, "extensions": {"KHR_texture_transform": {"scale": [next(scales), 1]}}, **more}
+
+    node = material_of(
+        g,
+        tmp_path,
+        pbrMetallicRoughness={"baseColorTexture": info(), "metallicRoughnessTexture": info()},
+        normalTexture=info(),
+        emissiveTexture=info(),
+        emissiveFactor=[1, 1, 1],
+        extensions={
+            "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": info()},
+            "KHR_materials_specular": {"specularTexture": info(), "specularColorTexture": info()},
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 1, "clearcoatTexture": info(),
+                "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": info(),
+            },
+            "KHR_materials_sheen": {
+                "sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(),
+                "sheenRoughnessFactor": 1, "sheenRoughnessTexture": info(),
+            },
+            "KHR_materials_iridescence": {
+                "iridescenceFactor": 1, "iridescenceTexture": info(), "iridescenceThicknessTexture": info(),
+            },
+            "KHR_materials_anisotropy": {"anisotropyStrength": 1, "anisotropyTexture": info()},
+            "KHR_materials_diffuse_transmission": {
+                "diffuseTransmissionFactor": 1, "diffuseTransmissionTexture": info(),
+                "diffuseTransmissionColorTexture": info(),
+            },
+        },
+    )  # fmt: skip
+    found = {image["uv_scale"][0] for image in node.walk() if image.type == "image"}
+    assert found == set(range(2, next(scales)))
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    old = {"diffuseTexture": info(), "specularGlossinessTexture": info()}
+    node = material_of(g, tmp_path, extensions={"KHR_materials_pbrSpecularGlossiness": old})
+    assert len({image["uv_scale"][0] for image in node.walk() if image.type == "image"} - {1}) == 2
+
+
 def test_uv_set_of_the_base_colour(tmp_path: Path) -> None:
     g = Gltf()
     index = texture_of(g, tmp_path)
