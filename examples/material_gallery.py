@@ -63,6 +63,26 @@ SHEETS: dict[str, list[tuple[str, dict[str, Any], list[Any]]]] = {
         ("subsurface_weight", {"base_color": SKIN, "subsurface_color": SKIN, "subsurface_radius": 0.2}, [0, 1]),
         ("subsurface_radius", {"subsurface_weight": 1.0, "subsurface_color": SKIN}, [0.01, 0.8]),
     ],
+    "more": [
+        ("specular_color", {"base_color": GOLD, "base_metalness": 1.0, "specular_roughness": 0.2}, [0, 1]),
+        (
+            "transmission_dispersion_scale",
+            {"transmission_weight": 1.0, "specular_roughness": 0.0, "specular_ior": 1.7},
+            [0, 1],
+        ),
+        (
+            "transmission_weight",
+            {"geometry_thin_walled": True, "base_color": GREEN, "transmission_color": (0.5, 0.9, 0.6)},
+            [0, 1],
+        ),
+        (
+            "subsurface_scatter_anisotropy",
+            {"geometry_thin_walled": True, "subsurface_weight": 1.0, "subsurface_color": (0.4, 0.8, 0.3)},
+            [-0.9, 0.9],
+        ),
+        ("geometry_opacity", {"base_color": RED}, [1, 0]),
+        ("emission_luminance", {"base_color": (0.1, 0.1, 0.1), "emission_color": GOLD}, [0, 600]),
+    ],
 }
 
 
@@ -70,6 +90,7 @@ def sheet(rows: list[tuple[str, dict[str, Any], list[Any]]], width: int) -> dl.S
     """Return a scene of one row of spheres for each (parameter, others, [first, last])."""
     s = dl.Scene(name="material gallery")
     columns, lines = STEPS, len(rows)
+    s.render.max_depth = 1000  # in a dense medium light scatters hundreds of times, red light most
     s.film.width, s.film.height = width, round(width * lines / columns)
     s.camera = dl.cameras.orthographic(origin=(0, 0, 20), target=(0, 0, 0), height=lines)
     sky = np.full((64, 128, 3), 0.25, np.float32)

@@ -298,7 +298,7 @@ def test_a_smooth_coat_below_fuzz(cosine: float) -> None:
 def test_what_is_nothing_but_mirrors() -> None:
     """Lights are not sampled for what has delta lobes alone: none of the layers may be forgotten."""
     mirror = {"base_metalness": 1.0, "specular_roughness": 0.0}
-    rough_coat, rough_fuzz = {"coat_weight": 0.1, "coat_roughness": 0.5}, {"fuzz_weight": 0.1}
+    rough_coat, rough_fuzz = {"coat_weight": 0.005, "coat_roughness": 0.5}, {"fuzz_weight": 0.1}
     for words, front, expected in (
         (mirror, True, True),
         ({**mirror, "coat_weight": 0.5}, True, True),
@@ -306,6 +306,9 @@ def test_what_is_nothing_but_mirrors() -> None:
         ({**mirror, "base_metalness": 0.9}, True, False),
         ({**mirror, **rough_coat}, True, False),
         ({**mirror, **rough_fuzz}, True, False),
+        ({**mirror, "base_metalness": 1 - 1e-6}, True, True),  # shares of next to nothing are nothing
+        ({**mirror, "fuzz_weight": 9e-6}, True, True),
+        ({**mirror, "fuzz_weight": 2e-5}, True, False),
         ({**mirror, "base_metalness": 0.0, "transmission_weight": 1.0}, False, True),
         ({**mirror, "base_metalness": 0.0, "transmission_weight": 1.0, "coat_weight": 0.1, **rough_fuzz}, False, True),
         ({**mirror, "base_metalness": 0.0, "subsurface_weight": 0.2}, False, False),
