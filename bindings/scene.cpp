@@ -60,7 +60,7 @@ WrapMode to_wrap(const std::string& name) {
 
 uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::string& wrap_u,
                    const std::string& wrap_v, const std::string& filter, const nb::object& uv_transform, bool mip_maps,
-                   uint32_t halvings, const std::optional<uint32_t>& same) {
+                   uint32_t halvings, const std::optional<uint32_t>& same, bool second_uv) {
   Image image;
   image.height = static_cast<uint32_t>(texels.shape(0));
   image.width = static_cast<uint32_t>(texels.shape(1));
@@ -84,6 +84,7 @@ uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::
   if (filter != "bilinear" && filter != "nearest")
     throw std::invalid_argument("filter '" + filter + "': expected bilinear or nearest");
   image.bilinear = filter == "bilinear";
+  image.second_uv = second_uv;
   if (!uv_transform.is_none())
     for (size_t r = 0; r < 2; ++r)
       for (size_t c = 0; c < 3; ++c) image.uv[r][c] = nb::cast<float>(nb::float_(uv_transform[r][c]));
@@ -239,7 +240,7 @@ void register_images(nb::class_<SceneBuilder>& builder) {
       .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
            nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none(),
            nb::arg("mip_maps") = false, nb::arg("halvings") = 0, nb::arg("same") = nb::none(),
-           "same: number of an image with the same texels, which are then not copied.")
+           nb::arg("second_uv") = false, "same: number of an image with the same texels, which are then not copied.")
       .def("add_no_image", &SceneBuilder::add_no_image, "A place in the row of images that has none.");
 }
 

@@ -97,7 +97,7 @@ struct MeshData {
   std::vector<Vec3> normals, normals_end;
   std::vector<Vec4> tangents;  // see SceneView::tangents; where nothing moves
   std::vector<Vec2> uvs;
-  std::vector<Vec4> colors;  // linear
+  std::vector<Vec4> colors;  // linear; or (u, v, 0, 0) of a second set of uv (Image::second_uv)
 };
 
 // Voxels as given, in the order of VoxelArray; 0 channels: none.
