@@ -142,8 +142,9 @@ class ImageTable:
         """The number of the first of a row of images; None: none in its place."""
         key = (tuple(None if t is None else self.digest(t) for t in tiles), srgb, _options(texture))
         if key not in self._ids:
+            where = {"uv_transform": uv_transform(texture), "second_uv": texture["uv_set"] == "second"}
             numbers = [
-                self._builder.add_no_image() if tile is None else self._new(tile, srgb, texture, place)
+                self._builder.add_no_image(**where) if tile is None else self._new(tile, srgb, texture, place)
                 for tile in tiles
             ]
             self._ids[key] = numbers[0]
