@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bsdf_cases import Case, direction
 from openpbr_reference import fresnel, ggx, mean_over_cosines, single_scattering
-from stats import integrate_sphere
+from stats import assert_mean, integrate_sphere
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +40,10 @@ def lobes(c: Case, wo: Any) -> tuple[Floats, Floats]:
     assert s.delta.all()
     down = s.transmitted[:, None]
     return np.where(down, 0, s.power()).mean(axis=0), np.where(down, s.power(), 0).mean(axis=0)
+
+
+def numbers(n: int) -> NDArray[np.float32]:
+    return np.random.default_rng(3).random((n, 3)).astype(np.float32).clip(0, 1 - 2**-24)
 
 
 # --- base ------------------------------------------------------------------------------------------------------------
@@ -280,6 +284,35 @@ def test_fuzz_is_the_sheen_of_its_papers(roughness: float) -> None:
     assert total < 1.01
 
 
+@pytest.mark.parametrize("cosine", [1.0, 0.2])
+def test_a_smooth_coat_below_fuzz(cosine: float) -> None:
+    """It reflects F of what the fuzz leaves."""
+    fuzz = {"fuzz_weight": 0.7, "fuzz_roughness": 0.8}
+    wo = direction(cosine, 0.3)
+    left = 1 - integrate_sphere(lambda d: case({**BLACK, **fuzz}).eval(wo, d)[:, 0], hemisphere=True)
+    s = case({**BLACK, **fuzz, "coat_weight": 0.6, "coat_ior": 1.8}).sample(wo, numbers(100_000))
+    got = np.where(s.delta[:, None], s.weight, 0)
+    assert_mean(got, left * 0.6 * fresnel(cosine, 1.8), comparisons=2, slack=0.01)
+
+
+def test_what_is_nothing_but_mirrors() -> None:
+    """Lights are not sampled for what has delta lobes alone: none of the layers may be forgotten."""
+    mirror = {"base_metalness": 1.0, "specular_roughness": 0.0}
+    rough_coat, rough_fuzz = {"coat_weight": 0.1, "coat_roughness": 0.5}, {"fuzz_weight": 0.1}
+    for words, front, expected in (
+        (mirror, True, True),
+        ({**mirror, "coat_weight": 0.5}, True, True),
+        ({**mirror, "specular_roughness": 0.2}, True, False),
+        ({**mirror, "base_metalness": 0.9}, True, False),
+        ({**mirror, **rough_coat}, True, False),
+        ({**mirror, **rough_fuzz}, True, False),
+        ({**mirror, "base_metalness": 0.0, "transmission_weight": 1.0}, False, True),
+        ({**mirror, "base_metalness": 0.0, "transmission_weight": 1.0, "coat_weight": 0.1, **rough_fuzz}, False, True),
+        ({**mirror, "base_metalness": 0.0, "subsurface_weight": 0.2}, False, False),
+    ):
+        assert case(words, front=front).traits()["is_delta"] == expected, words
+
+
 # --- thin film -------------------------------------------------------------------------------------------------------
 
 
@@ -329,3 +362,16 @@ def test_film_on_glass_from_both_sides(weight: float) -> None:
         if cosine == 1:
             covered = film_on(1.0, 1.8, 250.0, 510.0, lambda _: np.array([1, -1]) * (1.8 - 1.5) / (1.8 + 1.5))
             np.testing.assert_allclose(out, weight * covered + (1 - weight) * 0.04, rtol=5e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.4, 0.8])
+def test_the_base_gets_what_a_film_on_its_gloss_leaves(roughness: float) -> None:
+    """White stays white within a twentieth, where the film reflects up to half of a colour and bare gloss a 25th."""
+    film = {"thin_film_weight": 1.0, "thin_film_ior": 2.5, "thin_film_thickness": 0.3}
+    words = {"base_color": 1.0, "specular_roughness": roughness, **film}
+    for cosine in (1.0, 0.5, 0.15):
+        wo = direction(cosine, 0.1)
+        power = case(words).sample(wo, numbers(40_000)).power()
+        np.testing.assert_allclose(power.mean(axis=0), 1, atol=0.06)
+        gloss = case({**words, "base_color": 0.0}).sample(wo, numbers(40_000)).power()
+        assert gloss.mean(axis=0).max() > 0.15
