@@ -46,7 +46,7 @@ struct Task {
     return p.left() == i ? p.right : p.left();
   }
   __device__ bool is_candidate(uint32_t i) const { return parents[i] != kNone && parents[i] != root(); }
-  __device__ uint32_t bin(uint32_t i) const { return __float_as_uint(bounds(i).half_area()) >> kBinShift; }
+  __device__ uint32_t bin(uint32_t i) const { return __float_as_uint(fmaxf(bounds(i).half_area(), 0.0f)) >> kBinShift; }
 };
 
 __device__ uint32_t thread_index() { return blockIdx.x * blockDim.x + threadIdx.x; }
