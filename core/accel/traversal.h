@@ -85,7 +85,7 @@ struct Traversal {
     if constexpr (kLeaves == LeafKind::Triangles) {
       return intersect_static_triangle(p, index, LocalRay::make(origin, direction, time), &hit);
     } else if (p.kind() == PrimitiveKind::Instance) {
-      enter(g, world, p.object, stack);
+      if (meets_box(p.a, p.b, test.origin, test.reciprocal, hit.t)) enter(g, world, p, stack);
     } else if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, time), &hit)) {
       hit.instance = instance;
       return true;
@@ -112,7 +112,7 @@ struct Traversal {
   }
   // Goes on inside an instance; what is left outside waits on the stack.
   template <class World>
-  DST_HD void enter(const GeometryView& g, const World& world, uint32_t index, Group* stack) {
+  DST_HD void enter(const GeometryView& g, const World& world, const LeafPrimitive& p, Group* stack) {
     if (primitives.left != 0) {
       stack[top++] = {0, primitives.all & kLeafBits};
       stack[top++] = {primitives.base, primitives.left};
@@ -120,12 +120,11 @@ struct Traversal {
     primitives.left = 0;
     if (nodes.has_nodes()) stack[top++] = nodes;
     floor = top;
-    instance = index;
-    const Instance& it = g.instances[index];
-    const Transform to_local = it.local_at(time);
+    instance = p.object;
+    const Transform to_local = g.instances[instance].local_at(time);
     const Ray ray = world();
     set_ray(to_local.point(ray.origin), to_local.vector(ray.direction));
-    nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
+    nodes = {p.primitive, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
   }
   template <class World>
   DST_HD void pop(const World& world, const Group* stack) {
