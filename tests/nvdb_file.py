@@ -16,6 +16,8 @@ import struct
 import zlib
 from functools import cache
 
+import numpy as np
+
 _PACKED = (
     "{Wp48S^xk9=GL@E0stWa8~^|S5YJf5|Nr6#!(9L;7)i$<C?#@w6mwF{yeVg!(j)+n!8ctrJ1LzgX2tINvlm2AK84o@l%e1XIz!^n9nIM2o2RED{V"
     "U+pFf8I#K?worN^LzHU^o5c0L%wd=SI@7k!nBM?i)x>E!-"
@@ -200,6 +202,44 @@ def grids() -> dict[str, bytes]:
         at += size
     assert at == len(data)
     return found
+
+
+@cache
+def half(name: str) -> bytes:
+    """A grid of floats with its values in half precision (type 9): by PNanoVDB.h only leaves are shorter then."""
+    data = bytearray(grids()[name])
+    tree = 672
+    offsets, counts = struct.unpack_from("<4Q", data, tree), struct.unpack_from("<3I", data, tree + 32)
+    leaf, lower, upper, _ = (tree + offset for offset in offsets)
+    assert leaf + counts[0] * 2144 == len(data)  # leaves come last
+    for first, count, size, bits, table in (
+        (upper, counts[2], 270400, 32**3, 8256),
+        (lower, counts[1], 33856, 16**3, 1088),
+    ):
+        for at in range(first, first + count * size, size):
+            masks = np.frombuffer(bytes(data[at + 32 : at + 32 + bits // 4]), np.uint8)
+            child = np.unpackbits(masks[bits // 8 :], bitorder="little")
+            for i in range(bits):
+                place = at + table + 8 * i
+                if not child[i]:
+                    data[place : place + 8] = _half(data[place : place + 4]).ljust(8, b"\0")
+                elif first == lower:
+                    number = (at + struct.unpack_from("<q", data, place)[0] - leaf) // 2144
+                    struct.pack_into("<q", data, place, leaf + number * 1120 - at)
+    leaves = [data[at : at + 2144] for at in range(leaf, len(data), 2144)]
+    made = data[:leaf] + b"".join(part[:80].ljust(96, b"\0") + _half(part[96:]) for part in leaves)
+    struct.pack_into("<Q", made, 32, len(made))
+    struct.pack_into("<I", made, 636, 9)
+    return bytes(made)
+
+
+def _half(floats: bytes | bytearray) -> bytes:
+    return np.frombuffer(bytes(floats), "<f4").astype("<f2").tobytes()
+
+
+def newer(grid: bytes, minor: int) -> bytes:
+    """The grid as NanoVDB 32.7 and later write it: with another word at its beginning, and their version."""
+    return b"NanoVDB1" + grid[8:16] + ((32 << 21) | (minor << 10)).to_bytes(4, "little") + grid[20:]
 
 
 def container(*names: str, codec: int = 0, magic: bytes = b"NanoVDB2") -> bytes:

@@ -10,6 +10,7 @@ with voxels of 0.5, index (0, 0, 0) at (1, 2, 3), and the arrays' first voxels a
 from __future__ import annotations
 
 import base64
+import struct
 import zlib
 
 import numpy as np
@@ -43,3 +44,33 @@ def density() -> NDArray[np.float32]:
 def heat() -> NDArray[np.float32]:
     """What is in its grid "heat"."""
     return np.where(density() > 0.5, 1000 + 500 * density(), 0).astype(np.float32)[1:]
+
+
+def with_tile(where: str) -> bytes:
+    """The file with one tile of 0.25 in "density": at the "root", in an "upper" or a "lower" node.
+
+    "idle": at the root, not active. A node has masks of children and of values, a byte, the active values; a root has
+    the numbers of its tiles and children, then these.
+    """
+    data = bytearray(vdb_bytes())
+    first = data.index(b"Tree_float_5_4_3") + 20  # where grid, voxels and end are said to be
+    start, voxels, end = struct.unpack_from("<3q", data, first)
+    root = data.index(struct.pack("<IfII", 1, 0, 0, 2), start) + 4  # one buffer; background, no tiles, two children
+    upper = root + 12 + 12
+    lower = upper + 2 * 4096 + 1
+    if where in ("root", "idle"):
+        data[root + 4] = 1
+        at, tile = root + 12, struct.pack("<3ifB", 4096, 0, 0, 0.25, where == "root")
+        if where == "root":
+            box = data.index(b"file_bbox_max", start) + 13 + 9 + 4
+            struct.pack_into("<3i", data, box, 8191, 4095, 4095)
+    else:
+        node, size = (upper, 4096) if where == "upper" else (lower, 512)
+        assert not data[node + size]
+        data[node + size] = 2  # the second value is active
+        at, tile = node + 2 * size + 1, struct.pack("<f", 0.25)
+    data[at:at] = tile
+    struct.pack_into("<2q", data, first + 8, voxels + len(tile), end + len(tile))
+    other = data.index(b"Tree_float_5_4_3", end) + 20
+    struct.pack_into("<3q", data, other, *(n + len(tile) for n in struct.unpack_from("<3q", data, other)))
+    return bytes(data)

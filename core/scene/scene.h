@@ -188,6 +188,8 @@ class SceneBuilder {
   void build_group(Group* group, const BuildOptions& options);
   // Their boxes anew. The groups' trees are there.
   void bound_instances(size_t first, size_t last, uint32_t threads);
+  // What the world's tree holds of it.
+  LeafPrimitive instance_leaf(uint32_t instance) const;
   void build_lights();
   void collect_area_lights();
   std::vector<float> light_powers() const;

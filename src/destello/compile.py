@@ -284,7 +284,13 @@ class SceneCompiler:
     def _material(self, shape: Node, place: str, context: Context) -> int:
         if context.material is not None:
             return context.material
-        return context.materials.material(shape["material"], f"{place}.material")
+        materials = context.materials
+        if has_volume(shape) and shape.params.get("transform1") is not None:
+            expected = "a shape that rests while the shutter is open, or a material without medium_volume"
+            raise SceneError("a volume in a shape that moves", place=place, expected=expected)
+        if carries_volume(shape):
+            materials = materials.placed(shape["transform"])
+        return materials.material(shape["material"], f"{place}.material")
 
     def _placement(self, shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:
         """The shape's transforms when the shutter opens and closes, in its group."""
@@ -373,6 +379,11 @@ class SceneCompiler:
 def has_volume(shape: Node) -> bool:
     """Whether the shape's material has a volume."""
     return any(node.kind == "volume" for node in shape.walk())
+
+
+def carries_volume(shape: Node) -> bool:
+    """Whether a volume stands where the shape's transform takes it."""
+    return bool(has_volume(shape) and shape.params.get("transform"))
 
 
 def label(place: str, node: Node) -> str:

@@ -11,12 +11,13 @@ from destello.assets import Assets
 from destello.color_spaces import converted
 from destello.compile_errors import core_errors
 from destello.errors import SceneError
+from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
-from destello.udim import MARK, read_tiles
+from destello.udim import read_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,6 +41,14 @@ class MaterialCompiler:
         self._textures: dict[tuple[Node, bool], int | None] = {}
         self._default: int | None = None
         self._channels: dict[Node, str] = {}  # of image textures
+        self._placed: dict[Transform, MaterialCompiler] = {}
+
+    def placed(self, place: Transform) -> MaterialCompiler:
+        """One for the same scene's materials with volumes: these stand in `place`, with voxels of their own."""
+        if place not in self._placed:
+            outer = self._outer @ place
+            self._placed[place] = MaterialCompiler(self._builder, self._assets, self._images, outer)
+        return self._placed[place]
 
     def material(self, node: Node | None, place: str) -> int:
         """The core's number of a material; None is the default one, grey and diffuse."""

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from destello.errors import InputError, MissingFileError
+
+MARK = "<UDIM>"  # in a name: the number of a tile, FIRST_TILE + column + TILE_COLUMNS row
+FIRST_TILE, TILE_COLUMNS = 1001, 10
+_MOST_ROWS = 1000
 
 
 @dataclass
@@ -52,6 +57,24 @@ class ResolvedFiles:
                 self.missing.append(str(path))
             return None
         return real
+
+    def find_any(self, path: str, place: str | None = None) -> Path | None:
+        """As `find`; a path with MARK is there if one of its tiles is, and this is found."""
+        numbers = self.tiles(path) if MARK in path else []
+        return self.find(path.replace(MARK, str(numbers[0])) if numbers else path, place)
+
+    def tiles(self, path: str) -> list[int]:
+        """The numbers of the files beside each other that could be tiles of a path with MARK."""
+        name = PurePosixPath(path.replace("\\", "/")).name
+        head, _, tail = name.partition(MARK)
+        pattern = re.compile(rf"{re.escape(head)}(\d{{4}}){re.escape(tail)}")
+        try:
+            folder = (self.base.resolve() / path).parent
+            matches = [pattern.fullmatch(entry.name) for entry in folder.iterdir()]
+        except (OSError, RuntimeError, ValueError):
+            return []
+        numbers = sorted(int(match[1]) for match in matches if match)
+        return [number for number in numbers if FIRST_TILE <= number < FIRST_TILE + TILE_COLUMNS * _MOST_ROWS]
 
     def finish(self) -> None:
         """Raises MissingFileError with all files that were not found, unless they may be missing."""

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.assets import Assets
+from destello.files import MARK
 from destello.frames import animations
 from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.memory import per_triangle
 from destello.nodes import Node
 from destello.texture_memory import largest, stored_images
-from destello.udim import MARK, read_tiles
+from destello.udim import read_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

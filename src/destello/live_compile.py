@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from destello.compile import WORLD, Context, SceneCompiler, has_volume, label
+from destello.compile import WORLD, Context, SceneCompiler, carries_volume, has_volume, label
 from destello.compile_errors import core_errors
 from destello.compile_materials import MaterialCompiler, rows
 from destello.nodes import Node, equal_values
@@ -82,7 +82,7 @@ class LiveCompiler(SceneCompiler):
         self._apply_materials(old, new)
         for i, (before, after) in enumerate(zip(old.shapes, new.shapes, strict=True)):
             if before is not after and not _same_placement(before, after):
-                if after.type == "instance" and after["group"] in self._volumes:
+                if (after.type == "instance" and after["group"] in self._volumes) or has_volume(after):
                     raise NotInPlace(f"a volume follows {label(f'shapes[{i}]', after)}")
                 with core_errors(label(f"shapes[{i}]", after)):
                     self._builder.set_instance(i, *placement(after))
@@ -113,6 +113,8 @@ class LiveCompiler(SceneCompiler):
             return
         self.materials.keep_only(materials_of(new), {_material(a): n for _, _, a, n in changed})
         for place, before, after, number in changed:
+            if carries_volume(before) or carries_volume(after):
+                raise NotInPlace(f"a volume stands where {label(place, after)} is placed")
             if after.type == "mesh_file" and after["material"] is None:
                 raise NotInPlace(f"{place} has its file's materials again")
             now = self.materials.material(after["material"], f"{label(place, after)}.material")

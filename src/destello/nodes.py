@@ -169,6 +169,10 @@ def _check_together(kind: str, type_name: str, params: Mapping[str, Any]) -> Non
         raise SceneError(
             "cannot be scaled again", place="texture", value=params["texture"].type, expected="its own texture"
         )
+    if kind == "volume" and {"emission", "temperature"} <= params.keys():
+        names = [params["temperature"], params["emission"]] if type_name == "volume_file" else None
+        which = f" in {params['path']}" if names else ""
+        raise SceneError(f"emission and temperature{which}", place="temperature", value=names, expected="one of them")
     if kind == "volume" and type_name == "grid":
         _check_grid(params)
     if (kind, type_name) in (("shape", "box"), ("volume", "grid")):
@@ -190,8 +194,6 @@ def _check_grid(params: Mapping[str, Any]) -> None:
     for name in ("albedo", "emission", "temperature"):
         if name in params and params[name].shape[:3] != size:
             raise SceneError("arrays of different sizes", place=name, value=params[name].shape[:3], expected=f"{size}")
-    if "emission" in params and "temperature" in params:
-        raise SceneError("emission and temperature", place="temperature", expected="one of them")
 
 
 def _check_animation(type_name: str, params: Mapping[str, Any]) -> None:

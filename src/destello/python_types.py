@@ -118,7 +118,7 @@ _SHAPES = (
 _CUBE = (
     ParamDoc("min", "the corner of the box with the least coordinates", "vector", "m", default=(0.0, 0.0, 0.0)),
     ParamDoc("max", "the corner of the box with the greatest coordinates", "vector", "m", default=(1.0, 1.0, 1.0)),
-    ParamDoc("transform", "from the box's own space to the world", "transform"),
+    ParamDoc("transform", "from the box's own space to the space of the shape that holds it", "transform"),
 )
 _GLOW = ParamDoc(
     "emission_scale",
@@ -250,9 +250,7 @@ REPLACED = frozenset({"image", "scaled", "vertex_color"})
 EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
-    "material": (
-        ParamDoc("medium_volume", "what varies the medium; stands in the world, or in the space of a group", "volume"),
-    ),
+    "material": (ParamDoc("medium_volume", "what varies the medium; stands in the shape's own space", "volume"),),
     "light": (_TRANSFORM, _ANIMATION),
     "environment": (_TRANSFORM,),
     "camera": (_VIEW,),

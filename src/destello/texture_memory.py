@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from destello.assets import Assets
 from destello.errors import InputError
+from destello.files import MARK
 from destello.image_table import StoredImage
 from destello.memory import words
-from destello.udim import MARK, read_tiles
+from destello.udim import read_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from destello.errors import FormatError
+from destello.files import FIRST_TILE, MARK, TILE_COLUMNS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from destello.assets import Assets
-
-MARK = "<UDIM>"
-_FIRST, _COLUMNS, _MOST = 1001, 10, 1000
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
     """
     found: dict[int, NDArray[Any]] = {}
     first = ""
-    for number in _numbers(assets, path):
+    for number in assets.files.tiles(path):
         name = path.replace(MARK, str(number))
         read = assets.texels(name, place)
         if read is None:
@@ -56,25 +52,11 @@ def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
     if not found:
         assets.files.find(path, place)  # counts as missing
         return None
-    at = [((number - _FIRST) % _COLUMNS, (number - _FIRST) // _COLUMNS) for number in found]
+    at = [((number - FIRST_TILE) % TILE_COLUMNS, (number - FIRST_TILE) // TILE_COLUMNS) for number in found]
     columns, rows = (1 + max(place_) for place_ in zip(*at, strict=True))
-    numbers = [_FIRST + column + _COLUMNS * row for row in range(rows) for column in range(columns)]
+    numbers = [FIRST_TILE + column + TILE_COLUMNS * row for row in range(rows) for column in range(columns)]
     missing = tuple(number for number in numbers if number not in found)
     return Tiles(columns, rows, tuple(found.get(number) for number in numbers), missing)
-
-
-def _numbers(assets: Assets, path: str) -> list[int]:
-    """The numbers of the files beside each other that could be tiles."""
-    name = PurePosixPath(path.replace("\\", "/")).name
-    head, _, tail = name.partition(MARK)
-    folder = (assets.files.base.resolve() / path).parent
-    pattern = re.compile(rf"{re.escape(head)}(\d{{4}}){re.escape(tail)}")
-    try:
-        matches = [pattern.fullmatch(entry.name) for entry in folder.iterdir()]
-    except OSError:
-        return []
-    numbers = sorted(int(match[1]) for match in matches if match)
-    return [number for number in numbers if _FIRST <= number < _FIRST + _COLUMNS * _MOST]
 
 
 def _check_alike(first: NDArray[Any], first_name: str, texels: NDArray[Any], name: str, place: str) -> None:

@@ -45,27 +45,26 @@ def read_volume(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
         FormatError: if the file is damaged, lacks a grid, or would take too much memory. InputError: another kind of
             file, or the package that reads it is not installed.
     """
-    kind = path.suffix.lower()
-    if kind in (".vdb", ".nvdb"):
-        try:
-            return _dense(_read_vdb(path, grids) if kind == ".vdb" else _read_nanovdb(path, grids))
-        except Error as error:
-            raise error.within(None, file=path) from error.__cause__
-    if kind != ".npy":
-        raise InputError("not a volume file", file=path, value=path.suffix, expected=" or ".join(EXTENSIONS))
+    read = {".vdb": _read_vdb, ".nvdb": _read_nanovdb, ".npy": _read_array}.get(path.suffix.lower())
+    try:
+        if read is None:
+            raise InputError("not a volume file", value=path.suffix, expected=" or ".join(EXTENSIONS))
+        return read(path, grids)
+    except Error as error:
+        raise error.within(None, file=path) from error.__cause__
+
+
+def _read_array(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
     for param in ("temperature", "emission"):
         if param in grids:
-            raise InputError(f"a .npy file has no {param}", file=path, expected="a .nvdb or .vdb file")
+            raise InputError(f"a .npy file has no {param}", expected="a .nvdb or .vdb file")
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)  # its size is checked against the file's
     except Exception as error:  # its header is read as Python's source: anything may come out
-        raise FormatError(_one_line("a broken array file", error), file=path, expected="a .npy file") from error
+        raise FormatError(_one_line("a broken array file", error), expected="a .npy file") from error
     if not isinstance(array, np.ndarray) or array.ndim not in (3, 4) or array.dtype.kind not in "uf" or array.size == 0:
-        raise FormatError("not voxels", file=path, value=str(getattr(array, "shape", "")), expected="three dimensions")
-    try:
-        _check_size(array.shape[:3])
-    except Error as error:
-        raise error.within(None, file=path) from error.__cause__
+        raise FormatError("not voxels", value=str(getattr(array, "shape", "")), expected="three dimensions")
+    _check_size(array.shape[:3])
     return {"density": np.array(array)}
 
 
@@ -78,9 +77,9 @@ def _check_size(shape: tuple[int, ...]) -> None:
         raise FormatError("the box around the volume is too large", value=shape, expected=expected)
 
 
-def _read_nanovdb(path: Path, grids: Mapping[str, str]) -> dict[str, SparseGrid]:
+def _read_nanovdb(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
     data = path.read_bytes()
-    return {param: NanoGrid(grid_bytes(data, name), name) for param, name in grids.items()}
+    return _dense({param: NanoGrid(grid_bytes(data, name), name) for param, name in grids.items()})
 
 
 def _dense(found: Mapping[str, SparseGrid]) -> dict[str, Any]:
@@ -121,7 +120,7 @@ class _Points:
         target[z, y, x, 0] = self._values
 
 
-def _read_vdb(path: Path, grids: Mapping[str, str]) -> dict[str, SparseGrid]:
+def _read_vdb(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
     try:
         import tinyvdb  # type: ignore[import-not-found,unused-ignore]
     except ImportError:
@@ -139,7 +138,7 @@ def _read_vdb(path: Path, grids: Mapping[str, str]) -> dict[str, SparseGrid]:
         raise
     except Exception as error:  # the package's own errors, and what its C code leaves to the interpreter
         raise FormatError(_one_line("a broken .vdb file", error), expected="an OpenVDB file") from error
-    return found
+    return _dense(found)
 
 
 def _one_line(problem: str, error: Exception) -> str:
@@ -155,16 +154,31 @@ def _points(grid: Any, name: str) -> _Points:
     kind = str(_value(grid.type_name))
     if "float" not in kind or _value(grid.metadata).get("class") == "level set":
         raise FormatError("not a fog volume of floats", value=f"{name}: {kind}", expected="a fog volume")
-    tree = _value(grid.tree)
-    nodes = (tree.node(i) for i in range(_value(tree.num_nodes)))
-    if any(node.type == "internal" and node.active_voxel_count for node in nodes):
-        raise FormatError("active tiles, which are not read", value=name, expected="voxels alone")
     sparse = grid.to_sparse()
     points = np.frombuffer(sparse["coords"], np.int32).reshape(-1, 3).astype(np.int64)
     values = np.frombuffer(sparse["values"], np.float32)
     if not (len(values) and np.isfinite(values).all()):
         raise FormatError("no voxels, or values that are not finite", value=name, expected="a fog volume")
+    _check_tiles(grid, name, points)
     return _Points(points, np.maximum(values, np.float32(0)), _index_to_world(_value(grid.transform), name))
+
+
+def _check_tiles(grid: Any, name: str, points: Voxels) -> None:
+    """The package counts tiles (blocks of one value) but does not give them: FormatError if there are active ones.
+
+    Of those at the root it counts all. Then the file's own box, if it lies within that of the voxels, says that none
+    is active.
+    """
+    tree, metadata = _value(grid.tree), _value(grid.metadata)
+    nodes = [tree.node(i) for i in range(_value(tree.num_nodes))]
+    active = sum(node.active_voxel_count for node in nodes if node.type == "internal")
+    at_root = sum(node.active_voxel_count for node in nodes if node.type == "root") - sum(n.level == 1 for n in nodes)
+    low, high = metadata.get("file_bbox_min"), metadata.get("file_bbox_max")
+    if at_root and (low is None or high is None or (points.min(0) > low).any() or (points.max(0) < high).any()):
+        active += at_root
+    if active:
+        expected = "voxels alone (OpenVDB's voxelizeActiveTiles makes them so), or a .nvdb file"
+        raise FormatError(f"{active} active tiles, which tinyvdb does not read", value=name, expected=expected)
 
 
 def _index_to_world(transform: Mapping[str, Any], name: str) -> Voxels:

@@ -35,7 +35,7 @@ def load(
         temperature: the name of its grid of temperatures in K; None: it does not glow.
         emission: instead, the name of its grid of radiance in W/(sr m^2), grey or (.nvdb alone) three colours.
         emission_scale: factor of the emission; with temperatures the luminance of the hottest voxel's radiance.
-        transform: from the file's own world to the scene's.
+        transform: from the file's own world to the space of the shape that holds it.
 
     Raises:
         InputError, FormatError: a file that cannot be read, or the package that reads it is missing. SceneError: if a
@@ -75,7 +75,8 @@ def box(volume: Node, *, name: str | None = None, **medium: Any) -> Node:
     """
     if (volume.kind, volume.type) != ("volume", "grid"):
         raise SceneError("not a grid", place="volume", value=volume.type, expected="volumes.grid or volumes.load")
-    material = Node("material", "interface", {**medium, "medium_volume": volume})
+    inside = volume.replace(transform=None)  # it stands in its shape's space
+    material = Node("material", "interface", {**medium, "medium_volume": inside})
     place = {"min": volume["min"], "max": volume["max"], "transform": volume["transform"], "material": material}
     return Node("shape", "box", place, name=name)
 

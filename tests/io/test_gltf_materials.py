@@ -237,6 +237,97 @@ def test_texture_transform_takes_the_quarter_that_the_extension_names(tmp_path: 
     np.testing.assert_allclose(here.max(0), [0.5, 0.5], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("sampler", "nearest"),
+    [
+        ({"magFilter": 9728, "minFilter": 9987}, True),
+        ({"minFilter": 9728}, True),
+        ({"minFilter": 9986}, True),
+        ({"minFilter": 9987}, False),
+        ({"magFilter": 9729, "minFilter": 9984}, False),
+    ],
+)
+def test_filters(sampler: dict[str, int], nearest: bool, tmp_path: Path) -> None:
+    """Near and far are looked up alike; a file that wants single texels from afar alone is told so."""
+    g = Gltf()
+    pbr = {"baseColorTexture": {"index": texture_of(g, tmp_path, **sampler)}}
+    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr)
+    assert scene.shapes[0]["material"]["base_color"]["filter"] == ("nearest" if nearest else "bilinear")
+    told = "magFilter" in sampler and not nearest
+    assert [note for note in scene.notes if "minFilter" in note] == scene.notes[: int(told)]
+
+
+def test_what_has_no_place_in_a_path_tracer_is_said_once(tmp_path: Path) -> None:
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    volume = {"thicknessFactor": 1, "thicknessTexture": {"index": index}}
+    for _ in range(2):
+        g.add("materials", occlusionTexture={"index": index}, extensions={"KHR_materials_volume": volume})
+    lamp = {"type": "point", "range": 3}
+    g.extend("KHR_lights_punctual", lights=[lamp, {"type": "point"}])
+    g.extend("KHR_materials_volume")
+    g.extend("EXT_unheard_of")
+    g.node(mesh=g.quad(material=0))
+    path = g.glb(tmp_path)
+    notes = load(path).info()["notes"]
+    (told,) = [note for note in notes if note.startswith("not applied")]
+    assert "occlusionTexture (2 times; what light does not reach is found by tracing)" in told
+    assert "thicknessTexture (2 times; " in told
+    assert "range of lights (1 times; " in told
+    assert "minFilter" not in told
+    assert "ignored extensions: EXT_unheard_of" in notes
+    g.json["materials"] = [{}]
+    g.json["extensions"]["KHR_lights_punctual"]["lights"] = [{"type": "point"}]
+    assert not any("not applied" in note for note in load(g.glb(tmp_path)).notes)
+
+
+def test_every_slot_has_its_texture_transform(tmp_path: Path) -> None:
+    """Each texture of a material has a scale of its own, and comes out with it."""
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    scales = iter(range(2, 100))
+
+    def info(**more: Any) -> dict[str, Any]:
+        return {"index": index, "extensions": {"KHR_texture_transform": {"scale": [next(scales), 1]}}, **more}
+
+    node = material_of(
+        g,
+        tmp_path,
+        pbrMetallicRoughness={"baseColorTexture": info(), "metallicRoughnessTexture": info()},
+        normalTexture=info(),
+        emissiveTexture=info(),
+        emissiveFactor=[1, 1, 1],
+        extensions={
+            "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": info()},
+            "KHR_materials_specular": {"specularTexture": info(), "specularColorTexture": info()},
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 1, "clearcoatTexture": info(),
+                "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": info(),
+                "clearcoatNormalTexture": info(),
+            },
+            "KHR_materials_sheen": {
+                "sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(),
+                "sheenRoughnessFactor": 1, "sheenRoughnessTexture": info(),
+            },
+            "KHR_materials_iridescence": {
+                "iridescenceFactor": 1, "iridescenceTexture": info(), "iridescenceThicknessTexture": info(),
+            },
+            "KHR_materials_anisotropy": {"anisotropyStrength": 1, "anisotropyTexture": info()},
+            "KHR_materials_diffuse_transmission": {
+                "diffuseTransmissionFactor": 1, "diffuseTransmissionTexture": info(),
+                "diffuseTransmissionColorTexture": info(),
+            },
+        },
+    )  # fmt: skip
+    found = {image["uv_scale"][0] for image in node.walk() if image.type == "image"}
+    assert found == set(range(2, next(scales)))
+    g = Gltf()
+    index = texture_of(g, tmp_path)
+    old = {"diffuseTexture": info(), "specularGlossinessTexture": info()}
+    node = material_of(g, tmp_path, extensions={"KHR_materials_pbrSpecularGlossiness": old})
+    assert len({image["uv_scale"][0] for image in node.walk() if image.type == "image"} - {1}) == 2
+
+
 def test_uv_set_of_the_base_colour(tmp_path: Path) -> None:
     g = Gltf()
     index = texture_of(g, tmp_path)

@@ -132,8 +132,9 @@ class AnyScene:
         for param in doc.params.values():
             if param.required or self.rng.random() < 0.25:
                 params[param.name] = self.value(param, depth)
-        if (kind, doc.type) == ("volume", "grid"):
+        if kind == "volume":
             params.pop(self.rng.choice(["emission", "temperature"]), None)
+        if (kind, doc.type) == ("volume", "grid"):
             params.update(min=(-1, 0, 1 / 3), max=(2, 1e-3, 0.5))
         self.repair(doc, params)
         return Node(kind, doc.type, params, name=self.name() if self.rng.random() < 0.3 else None)

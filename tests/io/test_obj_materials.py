@@ -84,6 +84,12 @@ def test_anisotropy_has_disneys_widths(aniso: float, tmp_path: Path) -> None:
     assert along * ratio == pytest.approx(0.4**2 * aspect)
 
 
+def test_anisotropy_turns(tmp_path: Path) -> None:
+    for turns, degrees in ((0, 0), (0.25, 90), (1.5, 180)):
+        node = blender_material(tmp_path, f"Kd 1 1 1\nPr 0.4\nPm 1\naniso 0.5\nanisor {turns}\n")
+        assert node["tangent_rotation"] == degrees
+
+
 def test_maps_of_the_pbr_extension(tmp_path: Path) -> None:
     (tmp_path / "c.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
     node = blender_material(tmp_path, "Kd 1 1 1\nPr 0.4\nmap_Pc c.png\nPs 0.5\nmap_Ps -imfchan g c.png\n")

@@ -24,6 +24,7 @@ SCENES = [
     "layered",
     "coats",
     "clouds",
+    "placed clouds",
     "a large tree",
 ]
 
@@ -118,6 +119,30 @@ def clouds() -> dl.Scene:
     return s
 
 
+def placed_clouds() -> dl.Scene:
+    """Grids that follow their shapes, and groups of them their instances: turned, sheared, in each other."""
+    s = opaque()
+    noise = np.random.default_rng(6).random((9, 12, 10), np.float32)
+    puffs = np.where(noise < 0.4, 0, noise).astype(np.float32)
+    grid = dl.volumes.grid(density=(puffs * 255).astype(np.uint8), min=(-0.5, 0, -0.5), max=(0.5, 1, 0.5))
+    glow = dl.volumes.grid(
+        density=puffs.astype(np.float16), temperature=1600 * noise, emission_scale=3,
+        min=(-1, -1, -1), transform=dl.rotate((0, 0, 1), 20),
+    )  # fmt: skip
+    smoke = dl.volumes.box(grid, medium_density=(4, 5, 7), medium_albedo=0.9, medium_anisotropy=0.3)
+    inside = dl.materials.interface(medium_density=3, medium_albedo=0.5, medium_volume=glow, priority=1)
+    core = dl.shapes.box((-1, -1, -1), (1, 1, 1), material=inside, transform=dl.translate(0, 0.5, 0) @ dl.scale(0.35))
+    group = s.group("puff", [smoke, core, dl.shapes.sphere(center=(0, 1.3, 0), radius=0.15)])
+    places = (
+        dl.translate(-1.2, 0, 2.4),
+        dl.translate(1.4, 0.1, 2) @ dl.rotate((0, 1, 1), 40) @ dl.shear(xy=0.4) @ dl.scale((1.2, 0.8, 1)),
+        dl.translate(2.5, 0, 0) @ dl.scale(2),
+    )
+    s.add(*(dl.shapes.instance(group, transform=place) for place in places))
+    s.add(core.replace(transform=dl.translate(-2.5, 2.6, 0) @ dl.rotate((1, 0, 0), 30)))
+    return s
+
+
 def layered() -> dl.Scene:
     """Every part of OpenPBR, on spheres in a row."""
     s = dl.Scene(name="layered")
@@ -190,6 +215,7 @@ MADE = {
     "layered": layered,
     "coats": coats,
     "clouds": clouds,
+    "placed clouds": placed_clouds,
     "a large tree": large,
 }
 
@@ -240,7 +266,8 @@ def test_same_picture(name: str, sampling: str, features: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "clouds", "a large tree"]
+    "name",
+    ["origin", "book1", "cornell", "cornell-smoke", "textures and media", "clouds", "placed clouds", "a large tree"],
 )
 def test_bits_do_not_depend_on_the_split(name: str) -> None:
     core, settings, height = compiled(name)

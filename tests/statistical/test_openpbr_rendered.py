@@ -91,6 +91,87 @@ def test_subsurface_shows_its_colour(device: str, rng: np.random.Generator, colo
     assert_radiance((mean, sigma), reflected + (1 - reflected) * by_walk, 0.012)
 
 
+def walk_in_a_ball(start: Floats, ahead: Floats, path: float, albedo: float, g: float, held: float,
+                   rng: np.random.Generator) -> float:  # fmt: skip
+    """Brute force: the share of walkers (N, 3) in a unit ball of a medium of that mean free path that leave it.
+
+    From inside, the boundary sends the share `held` back, evenly.
+    """
+    x, d, out = start.copy(), ahead.copy(), 0
+    for _ in range(100_000):
+        b = (x * d).sum(1)
+        exit_ = -b + np.sqrt(np.maximum(b * b - (x * x).sum(1) + 1, 0))
+        fly = path * -np.log1p(-rng.random(len(x)))
+        meets = fly >= exit_
+        x = x + np.where(meets, exit_, fly)[:, None] * d
+        leaves = meets & (rng.random(len(x)) >= held)
+        out += int(leaves.sum())
+        u = rng.random(len(x))
+        cosine = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * u)) ** 2) / (2 * g) if g else 1 - 2 * u
+        d = turned(np.where(meets[:, None], -x, d), np.where(meets, np.sqrt(u), cosine.clip(-1, 1)), rng)
+        live = ~leaves & (meets | (rng.random(len(x)) < albedo))
+        x, d = x[live], d[live]
+        if len(x) == 0:
+            return out / len(start)
+    raise AssertionError("the walk did not end")
+
+
+def turned(axis: Floats, cosine: Floats, rng: np.random.Generator) -> Floats:
+    """Unit vectors (N, 3) at that cosine from `axis`, on any side."""
+    a = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    x = np.cross(a, np.where(np.abs(a[:, :1]) > 0.6, [0.0, 1, 0], [1.0, 0, 0]))
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    phi, sine = 2 * np.pi * rng.random(len(a)), np.sqrt(1 - cosine**2)
+    y = np.cross(a, x)
+    return np.asarray(cosine[:, None] * a + sine[:, None] * (np.cos(phi)[:, None] * x + np.sin(phi)[:, None] * y))
+
+
+def seen_points(n: int, rng: np.random.Generator) -> Floats:
+    """Where the rays of `sphere`'s picture meet the unit sphere (N, 3)."""
+    xy = rng.uniform(-0.5, 0.5, (n, 2))
+    return np.concatenate([xy, np.sqrt(1 - (xy**2).sum(1, keepdims=True))], 1)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+@pytest.mark.parametrize("g", [0.0, 0.7])
+def test_subsurface_in_a_ball_of_few_free_paths(device: str, rng: np.random.Generator, g: float, weight: float) -> None:
+    """Each colour by its own radius and albedo, against walks; with and without the gloss of index 1.5."""
+    from destello._core import testing
+
+    look = {
+        "subsurface_weight": 1.0, "subsurface_color": (0.9, 0.6, 0.8), "subsurface_radius": 0.4,
+        "subsurface_radius_scale": (1.0, 0.5, 0.2), "subsurface_scatter_anisotropy": g, "specular_weight": weight,
+    }  # fmt: skip
+    medium, n = testing.openpbr_interior(look), 30_000
+    start = seen_points(n, rng)
+    gloss = np.array([testing.openpbr_albedos(float(z), 0.3, 1.5)["reflected"] for z in start[:200, 2]]).mean() * weight
+    expected = []
+    for k in range(3):
+        path = 0.4 * look["subsurface_radius_scale"][k]
+        albedo = medium["scattering"][k] * path
+        ahead = turned(-start, np.sqrt(rng.random(n)), rng)
+        expected.append(gloss + (1 - gloss) * walk_in_a_ball(start, ahead, path, albedo, g, medium["held"], rng))
+    assert_radiance(sphere(device, dl.materials.openpbr(**look)), np.array(expected), 0.003 + 4 * 0.5 / np.sqrt(n))
+
+
+@pytest.mark.parametrize("g", [-0.5, 0.8])
+def test_scattering_in_clear_glass(device: str, rng: np.random.Generator, g: float) -> None:
+    """Transmission with depth and scatter, without refraction, against walks."""
+    colour, scatter, n = np.array([0.4, 0.6, 0.2]), np.array([0.3, 0.2, 1.0]), 30_000
+    look = {
+        "specular_weight": 0.0, "transmission_weight": 1.0, "transmission_depth": 0.5,
+        "transmission_color": tuple(colour), "transmission_scatter": tuple(scatter),
+        "transmission_scatter_anisotropy": g,
+    }  # fmt: skip
+    start = seen_points(n, rng)
+    ahead = np.tile([0.0, 0, -1], (n, 1))
+    expected = [
+        walk_in_a_ball(start, ahead, 0.5 / -np.log(c), s / -np.log(c), g, 0.0, rng)
+        for c, s in zip(colour, scatter, strict=True)
+    ]
+    assert_radiance(sphere(device, dl.materials.openpbr(**look)), np.array(expected), 0.003 + 4 * 0.5 / np.sqrt(n))
+
+
 def test_emission_in_nits(device: str) -> None:
     material = dl.materials.openpbr(
         base_weight=0, specular_weight=0, emission_luminance=683.0, emission_color=(1, 0.5, 0)

@@ -97,6 +97,24 @@ def test_a_bumpy_furnace_is_white_to_light_sampling_too(kind: str, rng: np.rando
         assert_known(by_both, 1.0, comparisons=2)
 
 
+@pytest.mark.parametrize(
+    "look",
+    [
+        {"base_color": 1.0, "specular_roughness": 0.2},
+        {"base_color": 1.0, "base_metalness": 1.0, "specular_roughness": 0.6},
+        {"base_color": 1.0, "coat_weight": 1.0, "coat_roughness": 0.3, "fuzz_weight": 0.5},
+        {"transmission_weight": 1.0, "specular_roughness": 0.3},
+    ],
+    ids=["glossy", "metal", "coat and fuzz", "frosted"],
+)
+def test_a_bumpy_openpbr_sphere_vanishes_too(look: dict[str, Any], rng: np.random.Generator, device: str) -> None:
+    """Within what its tables leave of all light, the rim included."""
+    material = dl.materials.openpbr(**look, normal_map=bumps(rng, 1))
+    scene = furnace(dl.shapes.sphere(center=(0, 0, 0), radius=1, material=material))
+    got = estimate(scene, device, spp=256, size=(24, 24), sampling="bsdf", max_depth=1000, rr_depth=1000)
+    assert_known(got, 1.0, slack=0.03)
+
+
 def globe(rings: int, inside_out: bool = False) -> Any:
     """A coarse sphere with the smooth one's normals."""
     v, u = np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1)

@@ -81,11 +81,19 @@ def test_absorbing_window(device):
     check_stack([slab(0, 0.9, glass)], [(1.6, 0.7, 0.9)], device)
 
 
+def clear(kind, ior, absorption=0.0, **more):
+    """A smooth dielectric of that index, 1/m of absorption inside."""
+    if kind == "dielectric":
+        return dl.materials.dielectric(ior=ior, medium_absorption=absorption, **more)
+    depth = {"transmission_depth": 1.0, "transmission_color": exp(-absorption)} if absorption else {}
+    return dl.materials.openpbr(transmission_weight=1, specular_roughness=0, specular_ior=ior, **depth, **more)
+
+
+@pytest.mark.parametrize("kind", ["dielectric", "openpbr"])
 @pytest.mark.parametrize("overlap", [0.001, 0.3])
-def test_liquid_in_glass(overlap, device):
+def test_liquid_in_glass(overlap, kind, device):
     """Glass goes before liquid: where they overlap there is glass, and the liquid's own boundary is not there."""
-    glass = dl.materials.dielectric(ior=1.5, medium_absorption=0.2, priority=2)
-    liquid = dl.materials.dielectric(ior=1.33, medium_absorption=0.9, priority=1)
+    glass, liquid = clear(kind, 1.5, 0.2, priority=2), clear(kind, 1.33, 0.9, priority=1)
     shapes = [slab(1, 1.5, glass), slab(0, 1 + overlap, liquid)]
     check_stack(shapes, [(1.5, 0.2, 0.5), (1.33, 0.9, 1.0)], device)
 
@@ -131,16 +139,17 @@ def test_hollow_glass_ball_is_air_inside(device):
     assert_known(estimate(scene, device, spp=2048, size=(6, 6)), passed, slack=1e-4)
 
 
-def test_camera_in_glass(device):
+@pytest.mark.parametrize("kind", ["dielectric", "openpbr"])
+def test_camera_in_glass(kind, device):
     """In glass radiance is n^2 times what it is outside, whatever is reflected on the way."""
     scene = dl.Scene("in glass")
-    scene.add(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.dielectric(ior=1.5)))
+    scene.add(dl.shapes.sphere((0, 0, 0), 1, material=clear(kind, 1.5)))
     scene.environment = dl.environments.constant(radiance=0.4)
     scene.camera = dl.cameras.perspective(origin=(0, 0, 0), target=(0, 0, -1), vfov=60)
     assert_constant(estimate(scene, device, spp=16, max_depth=100), 0.4 * 2.25, rtol=1e-4)
 
 
-def prism_scene(abbe):
+def prism_scene(abbe, kind):
     """A camera looks through a prism at a sun, near the angle of least deviation: apex 40 degrees, index 1.5."""
     half, tall, wide = radians(20), 4.0, 3.0
     foot, turn = tall * tan(half), np.arcsin(1.5 * np.sin(half)) - half
@@ -148,7 +157,10 @@ def prism_scene(abbe):
     positions = np.array([(x, y, z) for z in (-wide, wide) for x, y in corners], np.float32)
     faces = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)]
     scene = dl.Scene("prism")
-    scene.add(dl.shapes.mesh(positions, faces, material=dl.materials.dielectric(ior=1.5, abbe=abbe)))
+    spread = {"abbe": abbe}
+    if kind == "openpbr":
+        spread = {"transmission_dispersion_scale": float(abbe > 0), "transmission_dispersion_abbe_number": abbe or 20.0}
+    scene.add(dl.shapes.mesh(positions, faces, material=clear(kind, 1.5, **spread)))
     sun = np.array([cos(turn), -np.sin(turn), 0])
     scene.add(dl.lights.directional(direction=-sun, irradiance=1, angular_diameter=1))
     middle = np.array([0, tall / 2, 0])
@@ -157,11 +169,12 @@ def prism_scene(abbe):
     return scene
 
 
-def test_a_prism_spreads_white_light_and_keeps_its_white(device):
+@pytest.mark.parametrize("kind", ["dielectric", "openpbr"])
+def test_a_prism_spreads_white_light_and_keeps_its_white(kind, device):
     """All colours are there, in their order, and together they are as white and as bright as without dispersion."""
     options = {"spp": 512, "size": (8, 48), "count": 8, "max_depth": 6}
-    spread = runs(prism_scene(12.0), device, **options)
-    plain = runs(prism_scene(0.0), device, seed=100, **options)
+    spread = runs(prism_scene(12.0, kind), device, **options)
+    plain = runs(prism_scene(0.0, kind), device, seed=100, **options)
     (a, va), (b, vb) = ((t.mean(0), t.var(0, ddof=1) / len(t)) for t in (r.mean((1, 2)) for r in (spread, plain)))
     # Reflection, and the size of what is seen, depend a little on the index: 2% are allowed.
     stats.assert_means_agree(a, va, b, vb, slack=0.02)

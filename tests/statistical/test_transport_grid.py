@@ -105,6 +105,30 @@ def test_clouds_in_a_group_follow_its_instances(boundary, device):
         assert_known(estimate(scene, device, spp=1024, size=(6, 6)), known, comparisons=4, slack=2e-3)
 
 
+@pytest.mark.parametrize("grouped", [False, True])
+def test_clouds_follow_their_shapes(grouped, device):
+    """Two shapes of one material, placed apart: each holds the cloud, turned within the shape, where it stands."""
+    places = {side: dl.translate(4 * side, 0, 0) @ PLACES["stretched and sheared"] for side in (0, 1)}
+    inner, lifted = dl.rotate("y", 25), dl.translate(0, 0.5, 0)
+    volume = dl.volumes.grid(density=noise(), min=(-1, -1, -1), max=(1, 1, 1), transform=inner)
+    medium = {"medium_density": 0.8, "medium_absorption": 0.4, "medium_albedo": 0}
+    inside = dl.materials.interface(**medium, medium_volume=volume)
+    shapes = [dl.shapes.box((-2, -2, -2), (2, 2, 2), material=inside, transform=place) for place in places.values()]
+    scene = under_sky()
+    if grouped:
+        scene.add(dl.shapes.instance(scene.group("clouds", shapes), transform=lifted))
+    else:
+        scene.add(*shapes)
+    cube = dl.translate(-1, -1, -1) @ dl.scale(2)
+    for side, place in places.items():
+        at = dl.translate(-4 * side, 0.5 if grouped else 0, 0) @ place @ inner
+        known = np.exp(-1.2 * depth_along_y(noise(), np.linalg.inv((at @ cube).matrix), 6, 1.0)).mean(-1)
+        scene.camera = dl.cameras.orthographic(
+            origin=(4 * side, 5, 0), target=(4 * side, 0, 0), up=(0, 0, -1), height=2
+        )
+        assert_known(estimate(scene, device, spp=1024, size=(6, 6)), known, comparisons=4, slack=2e-3)
+
+
 def test_density_that_falls_off_exponentially(device):
     """An atmosphere: density exp(-y / h) times the colours' own; known in closed form but for the interpolation."""
     n, height, scale = 256, 2.0, 0.5

@@ -14,7 +14,7 @@ from destello.live import NOTHING, Edit, LiveScene
 from live_scenes import SIZE, picture, random_edit, studio
 from stats import z_threshold
 
-NODE, INSTANCE, MATERIAL, SLOT, OBJECT = 80, 164, 36, 16, 32  # bytes
+NODE, LEAF, INSTANCE, MATERIAL, SLOT, OBJECT = 80, 48, 164, 36, 16, 32  # bytes
 
 
 def assert_as_compiled_anew(live: LiveScene, device: str, what: object) -> None:
@@ -103,7 +103,7 @@ def test_moving_a_mesh_touches_the_top_level_only(device: str) -> None:
     assert stats["nodes"] > top + 2
     # the instance, the tree over instances and its root's copy; the extent is the floor's, so lights stay
     assert edit.light_tables == 0
-    assert edit.bytes == INSTANCE + (top + 1) * NODE
+    assert edit.bytes == INSTANCE + LEAF + (top + 1) * NODE
     assert live.stats() == stats
 
 
@@ -322,3 +322,20 @@ def test_volumes_in_groups_are_compiled_anew(device: str) -> None:
     assert "has a volume" in live.update(thicker).recompiled
     fresh = LiveScene(live.scene, device)
     assert np.array_equal(picture(live), picture(fresh))
+
+
+def test_volumes_follow_their_shapes(device: str) -> None:
+    """What is moved, or gets another medium where it stands, is compiled anew; the rest still edits in place."""
+    ones = np.ones((2, 2, 2), np.float32)
+    scene = dl.Scene("clouds")
+    cloud = dl.volumes.box(dl.volumes.grid(density=ones), medium_density=3, name="cloud")
+    scene.add(cloud, dl.shapes.sphere((-1, 0, 0), 0.5, name="ball"))
+    scene.camera = dl.cameras.perspective(origin=(0, 1, 6), target=(0, 1, 0))
+    live = LiveScene(scene, device)
+    thicker = cloud["material"].replace(medium_density=5.0)
+    assert not live.set_material("cloud", thicker).recompiled  # it has no transform yet
+    assert "a volume follows shapes[0]" in live.set_transform("cloud", dl.translate(1, 0.5, 0)).recompiled
+    assert not live.set_transform("ball", dl.translate(0, 1, 0)).recompiled
+    assert np.array_equal(picture(live), picture(LiveScene(live.scene, device)))
+    assert "a volume stands where" in live.set_material("cloud", cloud["material"]).recompiled
+    assert np.array_equal(picture(live), picture(LiveScene(live.scene, device)))

@@ -52,6 +52,28 @@ def test_values_and_place(tmp_path, name, error):
     np.testing.assert_allclose(corner[:3], (first + np.array([-4, 3, 125])) * 0.5 + np.array([1, 2, 3]))
 
 
+@pytest.mark.parametrize("minor", [7, 9])
+def test_half_precision_and_newer_versions(tmp_path, minor):
+    """32.9's PNanoVDB.h (of nanovdb-editor 0.1.6) was once compared with these grids: it reads the same numbers."""
+    for name in ("density", "ball"):
+        full = load(tmp_path, nvdb_file.nvdb_bytes(), density=name)
+        for data in (nvdb_file.half(name), nvdb_file.newer(nvdb_file.half(name), minor)):
+            grid = load(tmp_path, data, density=name)
+            assert np.array_equal(grid["density"], full["density"].astype(np.float16))
+            assert (grid["min"], grid["transform"]) == (full["min"], full["transform"])
+        assert load(tmp_path, nvdb_file.newer(nvdb_file.grids()[name], minor), density=name) == full
+
+
+@pytest.mark.parametrize("major", [31, 33])
+def test_other_major_versions_are_refused(tmp_path, major):
+    grid = nvdb_file.newer(nvdb_file.grids()["density"], 0)
+    with pytest.raises(FormatError, match=rf"x\.nvdb.*major version {major}.*32"):
+        load(tmp_path, grid[:16] + (major << 21).to_bytes(4, "little") + grid[20:])
+    whole = nvdb_file.container("density")
+    with pytest.raises(FormatError, match=rf"x\.nvdb.*major version {major}.*32"):
+        load(tmp_path, whole[:8] + (major << 21).to_bytes(4, "little") + whole[12:])
+
+
 def test_a_matrix_is_not_its_transpose(tmp_path):
     grid = load(tmp_path, nvdb_file.nvdb_bytes(), density="turned")
     z, y, x = np.unravel_index(grid["density"][..., 0].argmax(), grid["density"].shape[:3])

@@ -42,6 +42,20 @@ def test_vdb_density_and_place(smoke):
     assert dl.volumes.load(smoke, transform=dl.translate(1, 0, 0))["transform"].matrix[0, 3] == 2
 
 
+@pytest.mark.parametrize("where", ["root", "upper", "lower"])
+def test_vdb_active_tiles_are_refused(where, smoke):
+    """tinyvdb counts them but does not give them: nothing may be missing silently."""
+    smoke.write_bytes(vdb_file.with_tile(where))
+    with pytest.raises(FormatError, match=r"smoke\.vdb: 1 active tiles, which tinyvdb.*density.*voxelizeActiveTiles"):
+        dl.volumes.load(smoke)
+
+
+def test_vdb_tiles_that_are_not_active_do_not_matter(smoke):
+    plain = dl.volumes.load(smoke)
+    smoke.write_bytes(vdb_file.with_tile("idle"))
+    assert dl.volumes.load(smoke) == plain
+
+
 def test_vdb_temperatures_share_the_box(smoke):
     grid = dl.volumes.load(smoke, temperature="heat", emission_scale=4)
     assert grid["temperature"].shape == grid["density"].shape
@@ -70,6 +84,22 @@ def test_scene_files_name_volume_files(smoke, tmp_path):
     assert any("missing volume smoke.vdb" in note for note in compiled.notes)
     with pytest.raises(MissingFileError, match=r"smoke\.vdb"):
         dl.volumes.load(smoke)
+
+
+def test_temperature_or_emission(smoke):
+    for make in (dl.volumes.load, dl.volumes.volume_file):
+        with pytest.raises(SceneError, match=r"emission and temperature in .*smoke\.vdb.*heat.*fire.*one of them"):
+            make(smoke, temperature="heat", emission="fire")
+
+
+def test_errors_name_the_file_once(smoke, tmp_path):
+    (tmp_path / "a.txt").write_text("x")
+    np.save(tmp_path / "d.npy", np.ones(3))
+    for path, grids in ((smoke, {"density": "x"}), (tmp_path / "a.txt", {}), (tmp_path / "d.npy", {})):
+        with pytest.raises(Error) as caught:
+            volume_files.read_volume(path, {"density": "density", **grids})
+        assert caught.value.file == str(path)
+        assert str(caught.value).count(path.name) == 1
 
 
 def test_numpy_files(tmp_path):

@@ -26,7 +26,7 @@ def test_a_box_holds_its_grid():
     assert (shape.type, shape.name, shape["min"], shape["max"]) == ("box", "smoke", (-1, 0, 0), (1, 2, 3))
     assert shape["transform"] == place
     assert shape["material"].type == "interface"
-    assert shape["material"]["medium_volume"] == grid
+    assert shape["material"]["medium_volume"] == grid.replace(transform=None)  # it follows its shape
     assert grid["density"].shape == (2, 3, 4, 1)
     assert not grid["density"].flags.writeable
 
@@ -81,6 +81,10 @@ def test_a_volume_needs_a_medium_and_a_place_in_the_world():
     moves = {"transform": dl.Transform(), "transform1": dl.translate(1, 0, 0)}
     scene.add(dl.shapes.instance(group, **moves))
     with pytest.raises(SceneError, match=r"shapes\[2\].*a volume in a group that moves.*clouds.*rest"):
+        scene.compile()
+    scene = dl.Scene()
+    scene.add(dl.volumes.box(grid, medium_density=1).replace(**moves))
+    with pytest.raises(SceneError, match=r"shapes\[0\].*a volume in a shape that moves.*rests"):
         scene.compile()
     scene = dl.Scene()
     scene.add(dl.volumes.box(grid, medium_density=1e7))

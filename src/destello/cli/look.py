@@ -10,7 +10,7 @@ from typer import Option
 from destello.cli import options as o
 from destello.memory import words
 
-_LABELS = {"triangle_bytes": ""}
+_LABELS = {"triangle_bytes": "", "texture_bytes": "image memory", "largest_textures": "largest"}  # at most 12 letters
 
 AsJson = Annotated[bool, Option("--json", help="As JSON.")]
 
@@ -26,7 +26,7 @@ def info(
         print(json.dumps(found, indent=2))
         return
     for key, value in found.items():
-        if key not in ("notes", "missing") and value not in (None, {}, []):
+        if key not in ("notes", "missing") and value not in (None, "", {}, []):
             print(f"{_LABELS.get(key, key):<13}{_readable(key, value)}")
     for path in found["missing"]:
         print(f"missing      {path}")

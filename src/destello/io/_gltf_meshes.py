@@ -15,6 +15,7 @@ from destello.io._gltf_compression import DRACO, can_decode, decode_draco
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_materials import Materials
 from destello.nodes import Node
+from destello.tangents import depends_on_tangents, with_tangents
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REUSE = 64  # vertices and corners for each byte of the file's data: beyond, a small file could fill the memory
@@ -87,9 +88,12 @@ class Meshes:
 
     def _shape(self, primitive: _Primitive, name: str) -> Node:
         material = self._materials.of(primitive.item)
+        arrays = {**primitive.data, "indices": primitive.triangles}
         try:
-            node = self._materials.node(material, colored="colors" in primitive.data)
-            return make.mesh(indices=primitive.triangles, material=node, name=name, **primitive.data)
+            node = self._materials.node(material, colored="colors" in arrays)
+            if {"normals", "uvs"} <= arrays.keys() and "tangents" not in arrays and depends_on_tangents(node):
+                arrays = with_tangents(arrays)
+            return make.mesh(material=node, name=name, **arrays)
         except Error as error:
             raise error if error.file else error.within(primitive.item.place, file=primitive.item.file) from None
 
@@ -199,7 +203,7 @@ class Meshes:
         data, attributes = primitive.data, primitive.attributes
         if "NORMAL" in attributes:
             data["normals"] = self._vectors(primitive, "NORMAL", ("VEC3",), finite=False)
-        if "TANGENT" in attributes:
+        if "TANGENT" in attributes and "NORMAL" in attributes:  # the specification ignores them on flat triangles
             data["tangents"] = self._vectors(primitive, "TANGENT", ("VEC4",))
         wanted = self._materials.uv_set(self._materials.of(primitive.item))
         key = f"TEXCOORD_{wanted or 0}"
@@ -222,24 +226,22 @@ class Meshes:
 
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is found at the end
     def _bend(self, primitive: _Primitive, pose: Pose) -> None:
-        """Applies morph targets and skin to positions and normals."""
+        """Applies morph targets and skin to positions, normals and tangents."""
         data = primitive.data
-        if pose.joints is not None or any(pose.weights):
-            data.pop("tangents", None)  # those of the uvs bend with the triangles
         for target, weight in zip(primitive.item.items("targets"), pose.weights, strict=False):
-            for key, name in (("POSITION", "positions"), ("NORMAL", "normals")):
+            for key, name in (("POSITION", "positions"), ("NORMAL", "normals"), ("TANGENT", "tangents")):
                 if weight != 0 and key in target and name in data:
                     step = self._vectors(primitive, key, ("VEC3",), source=target)
-                    data[name] = data[name] + step * np.float32(weight)
+                    data[name] = data[name] + np.pad(step, ((0, 0), (0, data[name].shape[1] - 3))) * np.float32(weight)
         if pose.joints is not None and "JOINTS_0" in primitive.attributes:
             matrices = self._joints(primitive, pose.joints)
             points = (
                 np.einsum("nij,nj->ni", matrices[:, :, :3], data["positions"].astype(np.float64)) + matrices[:, :, 3]
             )
             data["positions"] = points.astype(np.float32)
-            if "normals" in data:
-                turned = np.einsum("nij,nj->ni", matrices[:, :, :3], data["normals"].astype(np.float64))
-                data["normals"] = turned.astype(np.float32)
+            for name in {"normals", "tangents"} & data.keys():
+                turned = np.einsum("nij,nj->ni", matrices[:, :, :3], data[name][:, :3].astype(np.float64))
+                data[name] = np.concatenate([turned, data[name][:, 3:]], axis=1).astype(np.float32)
         check_finite(data["positions"], "posed vertex", file=primitive.item.file, place=primitive.item.place)
 
     def _joints(self, primitive: _Primitive, joints: Matrices) -> Matrices:

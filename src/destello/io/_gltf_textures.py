@@ -26,7 +26,8 @@ from destello.nodes import Node
 
 BASISU = "KHR_texture_basisu"
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_NEAREST = 9728
+_NEAREST, LINEAR = 9728, 9729
+NEAREST_WHEN_SMALL = (9728, 9984, 9986)  # minFilter: NEAREST, and with mip maps
 _LONGEST_PATH = 1000
 
 
@@ -133,7 +134,8 @@ class Textures:
                 )
             if code != 10497:
                 settings[name] = _WRAPS[code]
-        if sampler.integer("magFilter", 9729) == _NEAREST:
+        small = sampler.integer("minFilter", LINEAR)
+        if sampler.integer("magFilter", _NEAREST if small in NEAREST_WHEN_SMALL else LINEAR) == _NEAREST:
             settings["filter"] = "nearest"
         return settings
 

@@ -76,7 +76,7 @@ def as_transform(world: Matrix) -> Transform | None:
 
 
 def flattened(shape: Node, world: Matrix, node: Item) -> Node:
-    """A mesh with a flat transform applied to its vertices; its normals go."""
+    """A mesh with a flat transform applied to its vertices; its normals and tangents go."""
     points = shape["positions"].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
     check_finite(points, "vertex", file=node.file, place=node.place)
-    return shape.replace(positions=points.astype(np.float32), normals=None)
+    return shape.replace(positions=points.astype(np.float32), normals=None, tangents=None)

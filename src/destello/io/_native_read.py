@@ -229,7 +229,7 @@ class _Reader:
         """Finds every file that the document names, so that all missing ones are reported at once."""
         needed = []
         for place, path, is_data in _paths(self._document, "", set()):
-            if self._files.find(path, place) is None and is_data:
+            if self._files.find_any(path, place) is None and is_data:
                 needed.append(path)
         self._files.finish()
         if needed:

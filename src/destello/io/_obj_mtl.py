@@ -231,7 +231,8 @@ def _layers(material: Material) -> dict[str, Value]:
     """The PBR extension's sheen (Ps), clearcoat (Pc, Pcr) and anisotropy as OpenPBR's, with its roughness; {}: none.
 
     GGX's widths are alpha / q and alpha q, q^2 = 1 - 0.9 aniso, as in Disney's material, which the extension follows
-    (B. Burley, "Physically-Based Shading at Disney", 2012); the coat has index 1.5. The rotation anisor is left out.
+    (B. Burley, "Physically-Based Shading at Disney", 2012); the coat has index 1.5. anisor counts whole turns, as in
+    Blender.
     """
     sheen, coat, aniso = (_number(material, key, 0.0) for key in ("ps", "pc", "aniso"))
     if (sheen, coat, aniso) == (0.0, 0.0, 0.0):
@@ -245,6 +246,9 @@ def _layers(material: Material) -> dict[str, Value]:
         made["coat_darkening"] = 0.0
     if aniso != 0.0:
         made["specular_roughness_anisotropy"] = aniso
+        turns = material.numbers.get("anisor", 0.0)
+        if turns % 1.0 != 0.0:
+            made["tangent_rotation"] = 360.0 * (turns % 1.0)
         if isinstance(aniso, float):
             square = 1.0 - 0.9 * aniso
             made["specular_roughness_anisotropy"] = 0.9 * aniso

@@ -22,6 +22,7 @@ from destello.io._gltf_materials import EXTENSIONS, Materials
 from destello.io._gltf_meshes import Meshes
 from destello.io._gltf_nodes import NODE_EXTENSIONS, Placer
 from destello.io._gltf_textures import BASISU, Textures, relative_path
+from destello.io._gltf_unapplied import unapplied
 from destello.io._gltf_variants import EXTENSION as VARIANTS
 from destello.io._gltf_variants import Variants
 from destello.scene import Scene
@@ -57,6 +58,7 @@ def load(path: Path, options: LoadOptions) -> Scene:
     materials = Materials(document, textures, variants, scene.notes)
     motions = Motions(document, buffers)
     Placer(document, scene, Meshes(document, buffers, materials, scene.notes), buffers, motions).place()
+    scene.notes += unapplied(document)
     if motions.note:
         scene.notes.append(motions.note)
     if options.complete:

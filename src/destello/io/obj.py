@@ -46,7 +46,7 @@ def load(path: Path, options: LoadOptions) -> Scene:
         )
         for texture in scene.textures():
             if texture.type == "image":
-                files.find(texture["path"])
+                files.find_any(texture["path"])
         files.finish()
     return complete(scene, options)
 
