@@ -23,7 +23,9 @@ from destello.udim import read_tiles
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_NUMBERS = frozenset({"normal_map", "tangent_map", "eta", "k", "subsurface_radius_scale"})  # in the guise of colours
+_NORMALS = frozenset({"normal_map", "geometry_coat_normal"})
+_TANGENTS = frozenset({"tangent_map", "geometry_coat_tangent"})
+_NUMBERS = _NORMALS | _TANGENTS | {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
 
 
 class MaterialCompiler:
@@ -131,8 +133,8 @@ class MaterialCompiler:
             made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
-        if doc.name in ("normal_map", "tangent_map"):
-            self._check_channel(texture, "rgb" if doc.name == "normal_map" else "rg", place)
+        if doc.name in _NORMALS | _TANGENTS:
+            self._check_channel(texture, "rgb" if doc.name in _NORMALS else "rg", place)
         elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
             self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}

@@ -303,6 +303,7 @@ def test_every_slot_has_its_texture_transform(tmp_path: Path) -> None:
             "KHR_materials_clearcoat": {
                 "clearcoatFactor": 1, "clearcoatTexture": info(),
                 "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": info(),
+                "clearcoatNormalTexture": info(),
             },
             "KHR_materials_sheen": {
                 "sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(),
