@@ -319,7 +319,7 @@ Bounds leaf_bounds(const GeometryView& g, const LeafPrimitive& p) {
 
 // The trees as arrays. Child s of node i is row 8 i + s: `count` is -1 for no child, 0 for node `index`, else the number of
 // leaves from `index` on; lo and hi bound it. Leaves: leaf_lo and leaf_hi over the shutter (infinite the wrong way round
-// for an instance), leaf_instance (-1: none). `roots`: of the world, then of each instance.
+// for an instance), leaf_instance (-1: none) and instance_lo, instance_hi, the box that it is entered by. `roots`: of the world, then of each instance.
 nb::dict tree(const Scene& scene) {
   const SceneArrays& a = scene.arrays();
   const size_t n = a.nodes.size() * 8;
@@ -339,17 +339,20 @@ nb::dict tree(const Scene& scene) {
     }
   }
   Output<float> leaf_lo(a.leaves.size(), 3), leaf_hi(a.leaves.size(), 3);
+  Output<float> instance_lo(a.leaves.size(), 3), instance_hi(a.leaves.size(), 3);
   Output<int32_t> leaf_instance(a.leaves.size()), roots(a.instances.size() + 1);
   for (size_t i = 0; i < a.leaves.size(); ++i) {
     const Bounds b = leaf_bounds(scene.view().geometry, a.leaves[i]);
     leaf_lo.set(i, b.lo), leaf_hi.set(i, b.hi);
     const bool instance = a.leaves[i].kind() == PrimitiveKind::Instance;
     leaf_instance.data[i] = instance ? static_cast<int32_t>(a.leaves[i].object) : -1;
+    instance_lo.set(i, a.leaves[i].a), instance_hi.set(i, a.leaves[i].b);
   }
   for (size_t i = 0; i < a.instances.size(); ++i) roots.data[i + 1] = static_cast<int32_t>(a.instances[i].root);
   nb::dict d;
   d["lo"] = lo.array(), d["hi"] = hi.array(), d["index"] = index.array(), d["count"] = count.array();
   d["leaf_lo"] = leaf_lo.array(), d["leaf_hi"] = leaf_hi.array(), d["leaf_instance"] = leaf_instance.array();
+  d["instance_lo"] = instance_lo.array(), d["instance_hi"] = instance_hi.array();
   d["roots"] = roots.array();
   return d;
 }

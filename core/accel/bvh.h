@@ -64,6 +64,12 @@ DST_FN Vec3 safe_reciprocal(Vec3 d) {
   return {f(d.x), f(d.y), f(d.z)};
 }
 
+// Whether a ray of the direction 1 / reciprocal comes through the box before t_max. Errs by less than 3 roundings a plane.
+DST_FN bool meets_box(Vec3 lo, Vec3 hi, Vec3 origin, Vec3 reciprocal, float t_max) {
+  const Vec3 a = (lo - origin) * reciprocal, b = (hi - origin) * reciprocal;
+  return max(max_component(min(a, b)), 0.0f) <= min(min_component(max(a, b)) * kRobustFar, t_max);
+}
+
 // --- node test, device flavour (also compiled for the host, as the SIMD version's twin) ---
 
 // A node as the words of its memory, which is how the device reads it: bytes that a struct names would be taken apart and

@@ -11,12 +11,13 @@ namespace destello {
 
 enum class PrimitiveKind : uint32_t { Triangle, Sphere, MovingTriangle, Instance };
 
-// One primitive, stored in leaf order so that a leaf is read in one go. 48 bytes: three 16-byte loads.
+// One primitive, stored in leaf order so that a leaf is read in one go. 48 bytes: three 16-byte loads. Of an instance a and b
+// are the corners of its box in the world, over the shutter: entering costs more than a look at the box.
 struct alignas(16) LeafPrimitive {
-  Vec3 a;               // triangle: first vertex. sphere: centre at time 0
+  Vec3 a;               // triangle: first vertex. sphere: centre at time 0. Instance: lowest corner
   uint32_t object = 0;  // index into the scene's objects; Instance: index of the instance
-  Vec3 b;               // triangle: second vertex. sphere: (radius, 0, 0); a negative radius turns the normal inwards
-  uint32_t primitive = 0;       // position within the object
+  Vec3 b;  // triangle: second vertex. sphere: (radius, 0, 0); negative: the normal points inwards. Instance: highest
+  uint32_t primitive = 0;       // position within the object; Instance: node index of its group's root
   Vec3 c;                       // triangle: third vertex. sphere: displacement of the centre from time 0 to 1
   uint32_t kind_and_extra = 0;  // bits 0-1: PrimitiveKind; above: MovingTriangle's index into GeometryView::moving
 

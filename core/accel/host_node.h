@@ -33,6 +33,16 @@ struct HostNodeTest {
   static HostNodeTest make(Vec3 origin, Vec3 direction);
   // Bit i: child i is hit, at distance near_out[i] (32 bytes aligned).
   uint32_t boxes(const HostNode& node, float t_max, float* near_out) const;
+  bool meets(Vec3 lo, Vec3 hi, float t_max) const {
+#if defined(__AVX2__)
+    const auto first = [](const __m256* v) {
+      return Vec3(_mm256_cvtss_f32(v[0]), _mm256_cvtss_f32(v[1]), _mm256_cvtss_f32(v[2]));
+    };
+    return meets_box(lo, hi, first(origin), first(reciprocal), t_max);
+#else
+    return meets_box(lo, hi, origin, reciprocal, t_max);
+#endif
+  }
 };
 
 inline HostNodeTest HostNodeTest::make(Vec3 o, Vec3 d) {

@@ -39,7 +39,7 @@ struct Traversal {
   float time = 0;
   NodeTest test;
   Group nodes;                // where it goes on; the rest is on the stack
-  PrimitiveGroup primitives;  // of the last node: one a step, so that lanes with many do not hold up a warp
+  PrimitiveGroup primitives;  // of the last node: few a step, so that lanes with many do not hold up a warp
   int top = 0, floor = 0;     // stack height; that at which the current instance ends
   uint32_t instance = Hit::kNone;
   bool any = false;  // any hit ends it
@@ -59,13 +59,16 @@ struct Traversal {
   // Goes on by a node, or a primitive of the last node, or both. Returns false when the way has ended: `hit` is then the
   // nearest hit (any: some hit), if there is one. `world()` returns the ray that it was started with. `stack`:
   // kTraversalStack entries, the same at every step.
-  template <class World>
+  // kTests: primitives a step. Lanes with none left wait for those that have some.
+  template <uint32_t kTests = 1, class World>
   DST_HD bool step(const GeometryView& g, const World& world, Group* stack) {
     if (primitives.left == 0) {
       if (!nodes.has_nodes()) pop(world, stack);
       if (nodes.has_nodes()) visit(g, stack);
     }
-    if (primitives.left != 0 && test_primitive(g, world, stack) && any) return false;
+    DST_UNROLL
+    for (uint32_t k = 0; k < kTests; ++k)
+      if (primitives.left != 0 && test_primitive(g, world, stack) && any) return false;
     return primitives.left != 0 || nodes.has_nodes() || top != 0;
   }
 
@@ -82,7 +85,7 @@ struct Traversal {
     if constexpr (kLeaves == LeafKind::Triangles) {
       return intersect_static_triangle(p, index, LocalRay::make(origin, direction, time), &hit);
     } else if (p.kind() == PrimitiveKind::Instance) {
-      enter(g, world, p.object, stack);
+      if (meets_box(p.a, p.b, test.origin, test.reciprocal, hit.t)) enter(g, world, p, stack);
     } else if (intersect_primitive(g, p, index, LocalRay::make(origin, direction, time), &hit)) {
       hit.instance = instance;
       return true;
@@ -109,7 +112,7 @@ struct Traversal {
   }
   // Goes on inside an instance; what is left outside waits on the stack.
   template <class World>
-  DST_HD void enter(const GeometryView& g, const World& world, uint32_t index, Group* stack) {
+  DST_HD void enter(const GeometryView& g, const World& world, const LeafPrimitive& p, Group* stack) {
     if (primitives.left != 0) {
       stack[top++] = {0, primitives.all & kLeafBits};
       stack[top++] = {primitives.base, primitives.left};
@@ -117,12 +120,11 @@ struct Traversal {
     primitives.left = 0;
     if (nodes.has_nodes()) stack[top++] = nodes;
     floor = top;
-    instance = index;
-    const Instance& it = g.instances[index];
-    const Transform to_local = it.local_at(time);
+    instance = p.object;
+    const Transform to_local = g.instances[instance].local_at(time);
     const Ray ray = world();
     set_ray(to_local.point(ray.origin), to_local.vector(ray.direction));
-    nodes = {it.root, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
+    nodes = {p.primitive, 0x80000000u};  // no inner mask: whichever bit is set, the index is the base
   }
   template <class World>
   DST_HD void pop(const World& world, const Group* stack) {

@@ -52,17 +52,22 @@ inline __attribute__((always_inline)) bool hit_target(const GeometryView& g, Hos
   return found;
 }
 
-// hit_target, but that leaves of instances alone, which lie in the world, take no test.
+// hit_target, but that instances, which lie in the world, are looked at here: *instances gets those whose boxes are met.
 template <bool kAny, bool kInstances>
 inline __attribute__((always_inline)) bool hit_leaf(const GeometryView& g, HostTarget target, uint32_t instance,
                                                     const HostRay& ray, Hit* hit, uint32_t* instances) {
   const uint32_t count = static_cast<uint32_t>(target.kind());
+  uint32_t others = 0;
   if (kInstances && instance == Hit::kNone && target.kind() <= HostKind::ThreePrimitives) {
-    for (uint32_t i = 0; i < count; ++i)
-      if (g.leaves[target.place() + i].kind() == PrimitiveKind::Instance) *instances |= 1u << i;
-    if (*instances == (1u << count) - 1) return false;
+    for (uint32_t i = 0; i < count; ++i) {
+      const LeafPrimitive& p = g.leaves[target.place() + i];
+      if (p.kind() != PrimitiveKind::Instance) continue;
+      others |= 1u << i;
+      if (ray.node.meets(p.a, p.b, hit->t)) *instances |= 1u << i;
+    }
+    if (others == (1u << count) - 1) return false;
   }
-  return hit_target<kAny>(g, target, ray, hit, instances);
+  return hit_target<kAny>(g, target, ray, hit, &others);
 }
 
 // What a traversal must be ready for; code for all else is left out.
@@ -115,12 +120,12 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
         const uint32_t index = first + static_cast<uint32_t>(__builtin_ctz(instances));
         stack[top++] = HostEntry::make(e.near(), HostTarget::make(HostKind::OnePrimitive, index));
       }
-      instance = g.leaves[first + static_cast<uint32_t>(__builtin_ctz(instances))].object;
+      const LeafPrimitive& entered = g.leaves[first + static_cast<uint32_t>(__builtin_ctz(instances))];
+      instance = entered.object;
       floor = top;
-      const Instance& it = g.instances[instance];
-      const Transform to_local = it.local_at(ray.time);
+      const Transform to_local = g.instances[instance].local_at(ray.time);
       local = HostRay::make(to_local.point(ray.origin), to_local.vector(ray.direction), ray.time, true, has_spheres);
-      e = HostEntry::make(0, g.host_targets[it.root]);
+      e = HostEntry::make(0, g.host_targets[entered.primitive]);
       continue;
     }
     do {

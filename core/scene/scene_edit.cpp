@@ -212,9 +212,14 @@ bool SceneEditor::update_world() {
   bound_instances(changes_.instances.first, changes_.instances.last, options_.threads);
   std::vector<Bounds> boxes;
   world.bounds = {};
+  const ElementRange& moved = changes_.instances;
   for (size_t leaf = a.world_first_leaf; leaf < a.leaves.size(); ++leaf) {
-    boxes.push_back(placed_[a.leaves[leaf].object].bounds);
+    const uint32_t i = a.leaves[leaf].object;
+    boxes.push_back(placed_[i].bounds);
     world.bounds.grow(boxes.back());
+    if (i < moved.first || i >= moved.last) continue;
+    a.leaves[leaf] = instance_leaf(i);
+    changes_.leaves.add(leaf, leaf + 1);
   }
   if (!boxes.empty()) {
     std::vector<uint32_t> order(boxes.size());

@@ -10,6 +10,7 @@ import pytest
 from destello import _core
 from tracing import (
     Geometry,
+    affine,
     assert_all_agree,
     f32,
     icosphere,
@@ -19,7 +20,7 @@ from tracing import (
     visits,
     without_specks,
 )
-from tracing_scenes import DEGENERATE, SCENES
+from tracing_scenes import DEGENERATE, SCENES, random_linear
 
 STACK = _core.testing.traversal_stack
 
@@ -63,6 +64,30 @@ def check_tree(scene):
 def test_boxes_hold_what_is_below_them(make, rng):
     scene = make(rng).build()
     assert check_tree(scene)[0] == max(scene.stats()["bvh_depth"], 1)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_each_instance_has_a_box_of_its_own(moving, rng):
+    """It holds the instance over the shutter and hardly more, whatever shares its leaf."""
+    p, t = icosphere(4)
+    g = Geometry()
+    group = g.group()
+    g.mesh(p, t, group)
+    placed = []
+    for _ in range(7):
+        keys = [(0.1 * random_linear(rng), rng.uniform(-10, 10, 3)) for _ in range(1 + moving)]
+        g.instance(group, affine(*keys[0]), affine(*keys[1]) if moving else None)
+        placed.append(np.concatenate([p @ linear.T + at for linear, at in keys]))
+    tree = _core.testing.tree(g.build())
+    leaves = np.flatnonzero(tree["leaf_instance"] >= 0)
+    assert len(leaves) == 7
+    for leaf in leaves:
+        points = placed[tree["leaf_instance"][leaf]]
+        lo, hi = tree["instance_lo"][leaf], tree["instance_hi"][leaf]
+        assert np.all(lo < points.min(axis=0))
+        assert np.all(hi > points.max(axis=0))
+        # The boxes of a tree three levels deep stand out a little.
+        np.testing.assert_allclose(hi - lo, np.ptp(points, axis=0), rtol=0.2)
 
 
 @pytest.mark.parametrize("make", DEGENERATE, ids=lambda f: f.__name__)
