@@ -17,6 +17,18 @@ GOLD, RED, GREEN, BLUE = (1.0, 0.77, 0.34), (0.7, 0.1, 0.08), (0.15, 0.5, 0.2), 
 SKIN = (0.9, 0.55, 0.4)
 STEPS = 7
 
+
+def orange_peel() -> dl.nodes.Node:
+    """Return a normal map of shallow waves, which repeats."""
+    y, x = 2 * np.pi * (np.indices((64, 128)) + 0.5) / 64
+    slopes = 0.15 * np.stack([np.sin(3 * x + np.cos(2 * y)), np.sin(4 * y + np.cos(x))], -1)
+    normals = np.concatenate([slopes, np.ones((64, 128, 1))], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return dl.textures.image(((normals + 1) / 2).astype(np.float32), color_space="linear", uv_scale=(4, 4))
+
+
+ORANGE_PEEL = orange_peel()
+
 SHEETS: dict[str, list[tuple[str, dict[str, Any], list[Any]]]] = {
     "base": [
         ("base_diffuse_roughness", {"base_color": RED, "specular_weight": 0.0}, [0, 1]),
@@ -36,6 +48,11 @@ SHEETS: dict[str, list[tuple[str, dict[str, Any], list[Any]]]] = {
         (
             "coat_darkening",
             {"base_color": (0.6, 0.35, 0.15), "coat_weight": 1.0, "coat_ior": 1.8, "coat_color": (0.9, 0.7, 0.5)},
+            [0, 1],
+        ),
+        (
+            "geometry_coat_normal_scale",
+            {"base_color": RED, "specular_roughness": 0.5, "coat_weight": 1.0, "geometry_coat_normal": ORANGE_PEEL},
             [0, 1],
         ),
         ("fuzz_weight", {"base_color": BLUE, "specular_roughness": 0.7, "fuzz_roughness": 0.4}, [0, 1]),
