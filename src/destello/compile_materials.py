@@ -14,6 +14,7 @@ from destello.errors import SceneError
 from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
+from destello.mesh_checks import check_second_uvs, vertex_values
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
@@ -42,6 +43,7 @@ class MaterialCompiler:
         self._default: int | None = None
         self._channels: dict[Node, str] = {}  # of image textures
         self._placed: dict[Transform, MaterialCompiler] = {}
+        self._read: dict[Node, frozenset[str]] = {}
 
     def placed(self, place: Transform) -> MaterialCompiler:
         """One for the same scene's materials with volumes: these stand in `place`, with voxels of their own."""
@@ -71,6 +73,14 @@ class MaterialCompiler:
                 if grid is not None:
                     self._builder.set_medium_grid(self._materials[node], grid)
         return self._materials[node]
+
+    def check_uvs(self, shape: Node, place: str) -> None:
+        """Whether the shape has the texture coordinates that its material's images want. Raises SceneError."""
+        material = shape["material"]
+        if material is not None:
+            if material not in self._read:
+                self._read[material] = vertex_values(material)
+            check_second_uvs(shape, self._read[material], f"{place}.material")
 
     def volume(self, node: Node, place: str) -> int:
         """The core's number of a volume."""
@@ -220,7 +230,7 @@ _CHANNELS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 
 def _options(texture: Node) -> dict[str, Any]:
     """How an image is read: what an ImageTable asks for."""
-    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps")
+    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps", "uv_set")
     return {name: texture[name] for name in names}
 
 

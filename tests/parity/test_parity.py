@@ -53,7 +53,7 @@ def opaque() -> dl.Scene:
 
 
 def detailed() -> dl.Scene:
-    """Bent horizons, lifted points, bump and tangent maps, mip maps of every format, tiles, tinted veils."""
+    """Bent horizons, lifted points, bump and tangent maps, mip maps of every format, tiles, tinted veils, uv sets."""
     rng = np.random.default_rng(4)
     s = dl.Scene(name="detailed")
     s.film.width, s.film.height = 160, 100
@@ -84,6 +84,11 @@ def detailed() -> dl.Scene:
     s.add(dl.shapes.sphere((-1.2, 0.4, 2), 0.4, material=dl.materials.diffuse(reflectance=0.6, bump=noise)))
     veil = dl.materials.diffuse(reflectance=0.2, opacity=0.3, opacity_tint=(0.9, 0.5, 0.2))
     s.add(dl.shapes.quad((1, 0, 2), (1.5, 0, 0.5), (0, 2, 0), material=veil))
+    sheet = np.float32([(-4, 0, 1), (-2.5, 0, 1), (-2.5, 1.5, 1), (-4, 1.5, 1)])
+    first = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
+    glow = dl.textures.image(normal[:8, :8], color_space="linear", uv_set="second")
+    both = dl.materials.diffuse(reflectance=dl.textures.image(normal, color_space="linear"), emission=glow)
+    s.add(dl.shapes.mesh(sheet, [(0, 1, 2), (0, 2, 3)], uvs=first, second_uvs=3 * first[::-1], material=both))
     s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
     s.environment = dl.environments.gradient()
     return s
