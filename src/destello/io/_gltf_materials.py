@@ -49,7 +49,10 @@ _TEXTURED = (  # extension, member: where textures may stand
     (glossiness.EXTENSION, "specularGlossinessTexture"),
 )
 _LEAST_ATTENUATION = 1e-6
-_ANISOTROPY = "KHR_materials_anisotropy"
+_BY_TANGENTS = (  # with the normal map
+    ("KHR_materials_anisotropy", "anisotropyTexture"),
+    ("KHR_materials_clearcoat", "clearcoatNormalTexture"),
+)
 
 
 class Materials:
@@ -88,11 +91,11 @@ class Materials:
         """
         if item is None:
             return None, None
-        sets = [uv_set(info) for info in _texture_infos(item)]
-        for owner, key in ((item, "normalTexture"), (item.extension(_ANISOTROPY), "anisotropyTexture")):
-            info = None if owner is None else owner.item(key)
-            if info is not None:
-                sets.insert(0, uv_set(info))
+        bound = [item.item("normalTexture")]
+        for name, key in _BY_TANGENTS:
+            owner = item.extension(name)
+            bound.append(None if owner is None else owner.item(key))
+        sets = [uv_set(info) for info in (*bound, *_texture_infos(item)) if info is not None]
         first = sets[0] if sets else None
         others = sorted(set(sets) - {first})
         if len(others) > 1:
