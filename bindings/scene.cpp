@@ -58,9 +58,22 @@ WrapMode to_wrap(const std::string& name) {
   throw std::invalid_argument("wrap mode '" + name + "': expected repeat, clamp or mirror");
 }
 
+void place_image(Image* image, const nb::object& uv_transform, bool second_uv) {
+  image->second_uv = second_uv;
+  if (uv_transform.is_none()) return;
+  for (size_t r = 0; r < 2; ++r)
+    for (size_t c = 0; c < 3; ++c) image->uv[r][c] = nb::cast<float>(nb::float_(uv_transform[r][c]));
+}
+
+uint32_t add_no_image(SceneBuilder& b, const nb::object& uv_transform, bool second_uv) {
+  Image image;
+  place_image(&image, uv_transform, second_uv);
+  return b.add_no_image(image);
+}
+
 uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::string& wrap_u,
                    const std::string& wrap_v, const std::string& filter, const nb::object& uv_transform, bool mip_maps,
-                   uint32_t halvings, const std::optional<uint32_t>& same) {
+                   uint32_t halvings, const std::optional<uint32_t>& same, bool second_uv) {
   Image image;
   image.height = static_cast<uint32_t>(texels.shape(0));
   image.width = static_cast<uint32_t>(texels.shape(1));
@@ -84,9 +97,7 @@ uint32_t add_image(SceneBuilder& b, const Texels& texels, bool srgb, const std::
   if (filter != "bilinear" && filter != "nearest")
     throw std::invalid_argument("filter '" + filter + "': expected bilinear or nearest");
   image.bilinear = filter == "bilinear";
-  if (!uv_transform.is_none())
-    for (size_t r = 0; r < 2; ++r)
-      for (size_t c = 0; c < 3; ++c) image.uv[r][c] = nb::cast<float>(nb::float_(uv_transform[r][c]));
+  place_image(&image, uv_transform, second_uv);
   if (same) return b.add_image_again(*same, image);
   const nb::gil_scoped_release release;
   return b.add_image(image, texels.data(), texels.size() * texels.itemsize(), mip_maps && image.bilinear, halvings);
@@ -239,8 +250,9 @@ void register_images(nb::class_<SceneBuilder>& builder) {
       .def("add_image", &add_image, nb::arg("texels"), nb::arg("srgb"), nb::arg("wrap_u") = "repeat",
            nb::arg("wrap_v") = "repeat", nb::arg("filter") = "bilinear", nb::arg("uv_transform") = nb::none(),
            nb::arg("mip_maps") = false, nb::arg("halvings") = 0, nb::arg("same") = nb::none(),
-           "same: number of an image with the same texels, which are then not copied.")
-      .def("add_no_image", &SceneBuilder::add_no_image, "A place in the row of images that has none.");
+           nb::arg("second_uv") = false, "same: number of an image with the same texels, which are then not copied.")
+      .def("add_no_image", &add_no_image, nb::arg("uv_transform"), nb::arg("second_uv"),
+           "A place in the row of images that has none.");
 }
 
 }  // namespace

@@ -6,10 +6,12 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <array>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "bindings/testing_support.h"
 #include "bsdf/horizon.h"
@@ -29,16 +31,22 @@ using testing::Output;
 using testing::row;
 using testing::Rows;
 
+// What surrounds a material, and the normals of its layers.
+struct Context : BsdfContext {
+  LayerNormals normals;
+};
+
 template <class T>
-T make_bsdf(const nb::dict& values, const BsdfContext& context) {
+T make_bsdf(const nb::dict& values, const Context& context) {
   T bsdf = from_params<T>(values);
+  if constexpr (requires { bsdf.normals; }) bsdf.normals = context.normals;
   prepare(bsdf, context);
   return bsdf;
 }
 
 // Calls f(material) for the material of that name.
 template <class F>
-nb::object with_bsdf(const std::string& type, const nb::dict& values, const BsdfContext& context, F&& f) {
+nb::object with_bsdf(const std::string& type, const nb::dict& values, const Context& context, F&& f) {
   nb::object result;
   bool found = false;
   for_each_type(Materials{}, [&]<class T>() {
@@ -50,7 +58,7 @@ nb::object with_bsdf(const std::string& type, const nb::dict& values, const Bsdf
   return result;
 }
 
-nb::object bsdf_eval(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const BsdfContext& context) {
+nb::object bsdf_eval(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const Context& context) {
   return with_bsdf(type, values, context, [&](const auto& bsdf) {
     Output<float> out(common_rows({wo, wi}), 3);
     for (size_t i = 0; i < out.rows; ++i) out.set(i, bsdf.eval(row(wo, i), row(wi, i)));
@@ -58,7 +66,7 @@ nb::object bsdf_eval(const std::string& type, const nb::dict& values, Rows wo, R
   });
 }
 
-nb::object bsdf_pdf(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const BsdfContext& context) {
+nb::object bsdf_pdf(const std::string& type, const nb::dict& values, Rows wo, Rows wi, const Context& context) {
   return with_bsdf(type, values, context, [&](const auto& bsdf) {
     Output<float> out(common_rows({wo, wi}));
     for (size_t i = 0; i < out.rows; ++i) out.data[i] = bsdf.pdf(row(wo, i), row(wi, i));
@@ -66,7 +74,7 @@ nb::object bsdf_pdf(const std::string& type, const nb::dict& values, Rows wo, Ro
   });
 }
 
-nb::object bsdf_sample(const std::string& type, const nb::dict& values, Rows wo, Rows u, const BsdfContext& context) {
+nb::object bsdf_sample(const std::string& type, const nb::dict& values, Rows wo, Rows u, const Context& context) {
   return with_bsdf(type, values, context, [&](const auto& bsdf) {
     const size_t n = common_rows({wo, u});
     Output<float> wi(n, 3), weight(n, 3), pdf(n), eta(n);
@@ -85,7 +93,7 @@ nb::object bsdf_sample(const std::string& type, const nb::dict& values, Rows wo,
 }
 
 // What the integrator may ask of a material besides the three functions.
-nb::object bsdf_traits(const std::string& type, const nb::dict& values, const BsdfContext& context) {
+nb::object bsdf_traits(const std::string& type, const nb::dict& values, const Context& context) {
   return with_bsdf(type, values, context, [&](const auto& bsdf) {
     using T = std::remove_cvref_t<decltype(bsdf)>;
     bool delta_only = false, is_delta = false, needs_wavelength = false;
@@ -114,14 +122,20 @@ nb::object bsdf_params(const std::string& type) {
 }
 
 void register_bsdfs(nb::module_& m) {
-  nb::class_<BsdfContext>(m, "BsdfContext", "What surrounds a material; see core/bsdf/bsdf.h.")
+  nb::class_<Context>(m, "BsdfContext", "What surrounds a material; see core/bsdf/bsdf.h and layer_normals.h.")
       .def(
           "__init__",
-          [](BsdfContext* c, bool front, float outside_ior, float wavelength) {
-            new (c) BsdfContext{front, outside_ior, wavelength};
+          [](Context* c, bool front, float outside_ior, float wavelength,
+             const std::vector<std::array<float, 3>>& normals) {
+            new (c) Context{{front, outside_ior, wavelength}, {}};
+            if (normals.empty()) return;
+            const auto at = [&](size_t i) { return Vec3(normals.at(i)[0], normals.at(i)[1], normals.at(i)[2]); };
+            c->normals = {true, at(0), at(1), at(2), at(3), false};
           },
-          nb::arg("front") = true, nb::arg("outside_ior") = 1.0f, nb::arg("wavelength") = 0.0f);
-  const BsdfContext plain;
+          nb::arg("front") = true, nb::arg("outside_ior") = 1.0f, nb::arg("wavelength") = 0.0f,
+          nb::arg("normals") = std::vector<std::array<float, 3>>{},
+          "normals: those of LayerNormals, mapped, mapped_tangent, normal, tangent; or none.");
+  const Context plain;
   m.def("bsdf_types", [] {
     nb::list names;
     for_each_type(Materials{}, [&]<class T>() { names.append(T::name); });
@@ -180,6 +194,8 @@ void register_optics(nb::module_& m) {
         nb::dict out;
         out["facets_lose"] = openpbr::facets_lose(d, g), out["facets_lose_mean"] = openpbr::facets_lose_mean(g);
         out["lost"] = openpbr::lost(d, g, eta), out["lost_mean"] = openpbr::lost_mean(g, eta);
+        const float above = eta < 1 ? 1 / eta : eta;
+        out["reflected"] = openpbr::reflected(d, g, above), out["reflected_mean"] = openpbr::reflected_mean(g, above);
         return out;
       },
       nb::arg("w"), nb::arg("ax"), nb::arg("ay"), nb::arg("eta"), "OpenPBR's tables for anisotropic facets.");

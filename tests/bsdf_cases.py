@@ -73,6 +73,9 @@ BY_HAND: dict[str, list[dict[str, Any]]] = {
         {"thin_film_weight": 1.0, "transmission_weight": 1.0, "inside": True},
         {"coat_weight": 1.0, "coat_roughness": 0.2, "coat_color": (0.9, 0.5, 0.2), "base_color": (0.8, 0.2, 0.1)},
         {"coat_weight": 0.7, "coat_roughness_anisotropy": 0.5, "coat_roughness": 0.4, "base_metalness": 1.0},
+        {"coat_weight": 1.0, "coat_roughness": 0.3, "geometry_coat_normal": (0.75, 0.4, 0.9)},
+        {"coat_weight": 1.0, "coat_roughness": 0.4, "transmission_weight": 0.5, "tilt": (50, 0.2, 20, 0.6)},
+        {"coat_weight": 0.8, "coat_roughness": 0.5, "base_metalness": 0.5, "tilt": (75, 0.4, 30, 0.1)},
         {"fuzz_weight": 1.0, "fuzz_color": (0.3, 0.5, 0.9), "fuzz_roughness": 0.3},
         {"transmission_weight": 1.0, "transmission_dispersion_scale": 1.0, "wavelength": 430.0},
     ],
@@ -104,10 +107,21 @@ class Case:
     outside_ior: float = 1.0
     wavelength: float = 0.0
     label: str = ""
+    tilt: tuple[float, float, float, float] | None = None
+    """How layers' normals lean from the surface's: degrees and turns of the base's, then of the interpolated one."""
 
     def context(self, *, flipped: bool = False) -> Any:
         """Surroundings as the core takes them; ``flipped``: seen from the other side."""
-        return testing.BsdfContext(self.front != flipped, self.outside_ior, self.wavelength)
+        return testing.BsdfContext(self.front != flipped, self.outside_ior, self.wavelength, self.normals())
+
+    def normals(self) -> list[list[float]]:
+        """What the core's LayerNormals holds; nothing if all is one."""
+        if self.tilt is None:
+            return []
+        base, turns, plain, plain_turns = self.tilt
+        mapped, normal = (direction(np.cos(np.radians(a)), t) for a, t in ((base, turns), (plain, plain_turns)))
+        along, other = direction(0.6, turns + 0.3), direction(0.1, 0.05)
+        return [v.tolist() for v in (mapped, along, normal, other)]
 
     def eval(self, wo: ArrayLike, wi: ArrayLike, *, flipped: bool = False) -> NDArray[np.float64]:
         """f |cos| (N, 3)."""
@@ -170,7 +184,7 @@ def make_case(kind: str, words: dict[str, Any], label: str) -> Case:
     words = dict(words)
     front = not words.pop("inside", False)
     outside, wavelength = words.pop("outside_ior", 1.0), words.pop("wavelength", 0.0)
-    return Case(kind, words, front, outside, wavelength, label)
+    return Case(kind, words, front, outside, wavelength, label, words.pop("tilt", None))
 
 
 def random_case(kind: str, index: int) -> Case:

@@ -75,7 +75,8 @@ def rich_materials(g: Gltf, folder: Path) -> None:
     )
     g.add("materials", extensions={"KHR_materials_unlit": {}}, alphaMode="BLEND")
     layers = {
-        "clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0}, "clearcoatRoughnessFactor": 0.5},
+        "clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0}, "clearcoatRoughnessFactor": 0.5}
+        | {"clearcoatNormalTexture": {"index": 0, "scale": 0.5}},
         "sheen": {"sheenColorFactor": [0.5, 0.2, 0], "sheenRoughnessTexture": {"index": 0}},
         "iridescence": {"iridescenceFactor": 1, "iridescenceThicknessTexture": info, "iridescenceIor": 1.4},
         "anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1},

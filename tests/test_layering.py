@@ -117,7 +117,11 @@ def test_headers_are_guarded_by_pragma_once() -> None:
 def test_only_defs_and_the_backends_look_at_the_compiler() -> None:
     wrong = []
     for path in core_sources():
-        if path == CORE / "base" / "defs.h" or path.relative_to(CORE).parts[0] == "backend" or path.suffix == ".cu":
+        if (
+            path == CORE / "base" / "defs.h"
+            or path.relative_to(CORE).parts[0] == "backend"
+            or path.suffix in {".cu", ".cuh"}
+        ):
             continue
         for number, line in enumerate(without_comments(path.read_text(encoding="utf-8")).splitlines(), 1):
             if re.search(r"__CUDACC__|__CUDA_ARCH__|__NVCC__|__host__|__device__|__global__", line):

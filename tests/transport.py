@@ -121,3 +121,19 @@ def floor(reflectance: float = 0.5, half: float = 10.0, y: float = 0.0) -> dl.no
 
 def slab(bottom, top, material):
     return dl.shapes.box((-30, bottom, -30), (30, top, 30), material=material)
+
+
+def bumps(rng: np.random.Generator, steep: float) -> Any:
+    """A normal map whose normals lean by up to `steep` (tangent) in all directions."""
+    xy = rng.uniform(-steep, steep, (16, 16, 2))
+    n = np.concatenate([xy, np.ones((16, 16, 1))], -1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    return dl.textures.image(((n + 1) / 2).astype(np.float32), color_space="linear", uv_scale=(2, 2))
+
+
+def furnace(shape: Any) -> dl.Scene:
+    scene = dl.Scene("furnace")
+    scene.environment = dl.environments.constant(radiance=1)
+    scene.add(shape)
+    scene.camera = dl.cameras.orthographic(origin=(0.3, 0.4, 5), target=(0, 0, 0), up=(0, 1, 0), height=2.2)
+    return scene

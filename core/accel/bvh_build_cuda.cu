@@ -1,4 +1,4 @@
-// The order of the build: Morton codes, sort, clustering, collapse; and who uses which memory meanwhile.
+// The order of the build: Morton codes, sort, clustering, reinsertion, collapse; and who uses which memory meanwhile.
 #include "accel/bvh_build_cuda.h"
 
 #include <algorithm>
@@ -90,6 +90,10 @@ __global__ void triangle_boxes_kernel(const Vec3* positions, const uint32_t* ind
   boxes[i] = b;
 }
 
+// Fast builds, which are those with short codes, leave out reinsertion.
+template <class Code>
+inline constexpr bool reinserts = sizeof(Code) == 8;
+
 // Hands out aligned pieces of one allocation; with none, measures it.
 class Pieces {
  public:
@@ -121,6 +125,8 @@ struct Scratch {
   Code* unsorted_codes = nullptr;
   uint32_t* unsorted = nullptr;
   void* sort = nullptr;
+  unsigned long long* locks = nullptr;
+  void* reinsert = nullptr;
   size_t sort_bytes = 0, bytes = 0;
 
   Scratch(uint8_t* memory, uint32_t n) {
@@ -130,6 +136,8 @@ struct Scratch {
     centers = pieces.take<CenterBounds>(1);
     root = pieces.take<uint32_t>(1);
     collapse = pieces.take<uint8_t>(collapse_scratch_bytes(n));
+    Pieces of_locks = pieces;  // where the codes and the order lie, which are of no more use then
+    locks = of_locks.take<unsigned long long>(2 * size_t{n});
     codes = pieces.take<Code>(n);
     arrays = {pieces.take<uint32_t>(n), pieces.take<uint32_t>(n), pieces.take<uint32_t>(n)};
     Pieces of_sort = pieces;
@@ -138,6 +146,7 @@ struct Scratch {
     unsorted_codes = of_sort.take<Code>(n);
     unsorted = of_sort.take<uint32_t>(n);
     sort = of_sort.take<uint8_t>(sort_bytes);
+    if (reinserts<Code>) reinsert = pieces.take<uint8_t>(reinsert_scratch_bytes(n));
     bytes = std::max(pieces.used(), of_sort.used());
   }
 };
@@ -161,6 +170,7 @@ void build(const Bounds* boxes, uint32_t n, uint32_t first_node, uint32_t first_
              "sort Morton codes");
   const BinaryTree tree{boxes, s.nodes, s.cuts, s.root, n};
   cluster_cuda(s.codes, s.arrays, tree, radix);
+  if (reinserts<Code> && !radix) reinsert_cuda(tree, s.locks, s.reinsert);
   uint32_t* todo = s.arrays.ranges;  // no longer needed as such
   collapse_cuda(tree, first_node, first_leaf, todo, s.collapse, out->nodes.data(), capacity, out->order.data(), out);
   if (out->stats.nodes > capacity) {

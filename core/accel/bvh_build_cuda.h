@@ -2,8 +2,8 @@
 // on the device already.
 //
 // The binary tree is made by H-PLOC (Benthin et al. 2024, "H-PLOC: Hierarchical Parallel Locally-Ordered Clustering for
-// Bounding Volume Hierarchy Construction") and cut into wide nodes level by level. The same boxes give the same bytes on
-// every run: nothing in the result depends on the order in which threads come by.
+// Bounding Volume Hierarchy Construction"), improved by reinsertion and cut into wide nodes level by level. The same boxes
+// give the same bytes on every run: nothing in the result depends on the order in which threads come by.
 #pragma once
 
 #include <vector>
@@ -18,8 +18,8 @@ struct CudaBuildCosts {
   uint64_t temporary_bytes = 0;  // at most in use at a time, besides the boxes and the result
 };
 
-// As build_bvh, on options.cuda_device. Fast: coarser Morton codes than Balanced; High: as Balanced. Trees too deep for traversal are built on the host instead. Throws
-// std::runtime_error if the device's memory does not suffice.
+// As build_bvh, on options.cuda_device. Fast: coarser Morton codes than Balanced and no reinsertion; High: as Balanced. Trees
+// too deep for traversal are built on the host instead. Throws std::runtime_error if the device's memory does not suffice.
 uint32_t build_bvh_cuda(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::vector<Node8>* nodes,
                         std::vector<uint32_t>* order, BvhStats* stats, const BuildOptions& options,
                         CudaBuildCosts* costs = nullptr);

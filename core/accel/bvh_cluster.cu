@@ -56,23 +56,6 @@ __device__ bool climb(const ClusterTask<Code>& task, uint32_t* first, uint32_t* 
   return true;
 }
 
-// Reads past the L1 cache, which does not see what other multiprocessors write.
-__device__ BinaryNode load_node(const BinaryNode* p) {
-  const float4 a = __ldcg(reinterpret_cast<const float4*>(p)), b = __ldcg(reinterpret_cast<const float4*>(p) + 1);
-  return {{a.x, a.y, a.z}, __float_as_uint(a.w), {b.x, b.y, b.z}, __float_as_uint(b.w)};
-}
-__device__ Cut load_cut(const BinaryTree& tree, uint32_t reference, float half_area) {
-  if (reference < tree.count) return Cut::of_primitive(half_area);
-  const float4* p = reinterpret_cast<const float4*>(tree.cuts + (reference - tree.count));
-  const float4 a = __ldcg(p), b = __ldcg(p + 1);
-  return {{a.x, a.y, a.z, a.w, b.x, b.y, b.z}, __float_as_uint(b.w)};
-}
-__device__ Bounds load_box(const Bounds* p) {
-  const float2* q = reinterpret_cast<const float2*>(p);
-  const float2 a = __ldg(q), b = __ldg(q + 1), c = __ldg(q + 2);
-  return {{a.x, a.y, b.x}, {b.y, c.x, c.y}};
-}
-
 __device__ Bounds shuffle(const Bounds& b, uint32_t lane) {
   const auto f = [&](float x) { return __shfl_sync(kAll, x, static_cast<int>(lane)); };
   return {{f(b.lo.x), f(b.lo.y), f(b.lo.z)}, {f(b.hi.x), f(b.hi.y), f(b.hi.z)}};

@@ -66,6 +66,23 @@ struct BinaryTree {
   }
 };
 
+// Reads past the L1 cache, which does not see what other multiprocessors write.
+__device__ inline BinaryNode load_node(const BinaryNode* p) {
+  const float4 a = __ldcg(reinterpret_cast<const float4*>(p)), b = __ldcg(reinterpret_cast<const float4*>(p) + 1);
+  return {{a.x, a.y, a.z}, __float_as_uint(a.w), {b.x, b.y, b.z}, __float_as_uint(b.w)};
+}
+__device__ inline Cut load_cut(const BinaryTree& tree, uint32_t reference, float half_area) {
+  if (reference < tree.count) return Cut::of_primitive(half_area);
+  const float4* p = reinterpret_cast<const float4*>(tree.cuts + (reference - tree.count));
+  const float4 a = __ldcg(p), b = __ldcg(p + 1);
+  return {{a.x, a.y, a.z, a.w, b.x, b.y, b.z}, __float_as_uint(b.w)};
+}
+__device__ inline Bounds load_box(const Bounds* p) {
+  const float2* q = reinterpret_cast<const float2*>(p);
+  const float2 a = __ldg(q), b = __ldg(q + 1), c = __ldg(q + 2);
+  return {{a.x, a.y, b.x}, {b.y, c.x, c.y}};
+}
+
 // Scratch arrays of the clustering, an entry a box: clusters as references and as positions of one of their boxes, in
 // the order of the Morton curve; how far ranges of it reach.
 struct ClusterArrays {
@@ -78,6 +95,11 @@ struct ClusterArrays {
 // without clustering.
 void cluster_cuda(const uint64_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix);
 void cluster_cuda(const uint32_t* codes, const ClusterArrays& arrays, const BinaryTree& tree, bool radix);
+
+// Moves subtrees of the binary tree to where they cost less, and makes its cuts anew. `locks`: two a box; `scratch`:
+// reinsert_scratch_bytes.
+void reinsert_cuda(const BinaryTree& tree, unsigned long long* locks, void* scratch);
+size_t reinsert_scratch_bytes(uint32_t boxes);
 
 // Bytes of scratch memory that collapse_cuda wants besides `todo`.
 size_t collapse_scratch_bytes(uint32_t boxes);

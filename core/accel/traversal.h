@@ -39,7 +39,7 @@ struct Traversal {
   float time = 0;
   NodeTest test;
   Group nodes;                // where it goes on; the rest is on the stack
-  PrimitiveGroup primitives;  // of the last node: one a step, so that lanes with many do not hold up a warp
+  PrimitiveGroup primitives;  // of the last node: few a step, so that lanes with many do not hold up a warp
   int top = 0, floor = 0;     // stack height; that at which the current instance ends
   uint32_t instance = Hit::kNone;
   bool any = false;  // any hit ends it
@@ -59,13 +59,16 @@ struct Traversal {
   // Goes on by a node, or a primitive of the last node, or both. Returns false when the way has ended: `hit` is then the
   // nearest hit (any: some hit), if there is one. `world()` returns the ray that it was started with. `stack`:
   // kTraversalStack entries, the same at every step.
-  template <class World>
+  // kTests: primitives a step. Lanes with none left wait for those that have some.
+  template <uint32_t kTests = 1, class World>
   DST_HD bool step(const GeometryView& g, const World& world, Group* stack) {
     if (primitives.left == 0) {
       if (!nodes.has_nodes()) pop(world, stack);
       if (nodes.has_nodes()) visit(g, stack);
     }
-    if (primitives.left != 0 && test_primitive(g, world, stack) && any) return false;
+    DST_UNROLL
+    for (uint32_t k = 0; k < kTests; ++k)
+      if (primitives.left != 0 && test_primitive(g, world, stack) && any) return false;
     return primitives.left != 0 || nodes.has_nodes() || top != 0;
   }
 

@@ -14,6 +14,7 @@
 #include "backend/backend.h"
 #include "backend/cuda_launch.cuh"
 #include "backend/cuda_live.cuh"
+#include "backend/cuda_pass.cuh"
 #include "backend/device_scene.cuh"
 #include "backend/film_copier.cuh"
 #include "integrate/light_sampling.h"
@@ -52,7 +53,7 @@ class CudaBackend final : public Backend {
     scene_ = std::make_unique<DeviceScene>(scene);
     large_tree_ = scene.arrays().nodes.size() >= kLargeTree;
     shade_class_ = DeviceBuffer<uint8_t>(shade_classes(scene));
-    counts_ = DeviceBuffer<KernelCounts>(1);
+    passes_ = std::make_unique<PassGraphs>();
     check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
                "ask for multiprocessors");
   }
@@ -93,7 +94,7 @@ class CudaBackend final : public Backend {
   static constexpr size_t kLargeTree = 512;  // nodes
 
   RenderCounts render_into(const DeviceFilm& film, const RenderTask& task, const std::atomic<bool>& cancel) const {
-    KernelParams p{scene_->view(), task, film, counts_.data(), shade_class_.data(), 0, 0, 0, large_tree_};
+    KernelParams p{scene_->view(), task, film, passes_->counts(), shade_class_.data(), 0, 0, 0, large_tree_};
     const Rect& c = task.crop;
     p.tile_columns = (c.x1 - c.x0 + kTileWidth - 1) / kTileWidth;
     p.tile_rows = (c.y1 - c.y0 + kTileHeight - 1) / kTileHeight;
@@ -128,7 +129,6 @@ class CudaBackend final : public Backend {
   KernelCounts launch(KernelParams* p, Wave* wave) const {
     static std::array<std::mutex, 64> one_at_a_time;  // for each device: kernel_params_memory is the device's
     const std::lock_guard<std::mutex> lock(one_at_a_time.at(static_cast<size_t>(device_)));
-    check_cuda(cudaMemset(counts_.data(), 0, sizeof(KernelCounts)), "clear the counters");
     const uint64_t tiles = static_cast<uint64_t>(p->tile_columns) * p->tile_rows;
     const uint32_t samples = p->task.last_sample - p->task.first_sample;
     if (use_queues(*p)) {
@@ -136,11 +136,9 @@ class CudaBackend final : public Backend {
       *wave = launch_queue_kernel(*p);
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
-      *wave = (p->film.aovs != nullptr ? launch_fused<true> : launch_fused<false>)(*p, multiprocessors_);
+      *wave = (p->film.aovs != nullptr ? launch_fused<true> : launch_fused<false>)(*p, multiprocessors_, passes_.get());
     }
-    KernelCounts n;
-    check_cuda(cudaMemcpy(&n, counts_.data(), sizeof(n), cudaMemcpyDeviceToHost), "render");
-    return n;
+    return passes_->finish();
   }
 
   // Queues are about twice as fast; but where shadow rays pass through things, a third slower (benches/LOG.md).
@@ -157,7 +155,7 @@ class CudaBackend final : public Backend {
   }
 
   Wave launch_queue_kernel(const KernelParams& p) const {
-    if (!p.scene.simple) return launch_queues<true, SceneKind::Any, LeafKind::Any>(p, multiprocessors_);
+    if (!p.scene.simple) return launch_queues<true, SceneKind::Any, LeafKind::Any>(p, multiprocessors_, passes_.get());
     return p.scene.plain ? launch_queues_of<SceneKind::Plain>(p) : launch_queues_of<SceneKind::Simple>(p);
   }
   template <SceneKind kKind>
@@ -172,7 +170,8 @@ class CudaBackend final : public Backend {
   }
   template <SceneKind kKind, LeafKind kLeaves>
   Wave launch_queues_with(const KernelParams& p, bool shadows) const {
-    return (shadows ? launch_queues<true, kKind, kLeaves> : launch_queues<false, kKind, kLeaves>)(p, multiprocessors_);
+    return (shadows ? launch_queues<true, kKind, kLeaves> : launch_queues<false, kKind, kLeaves>)(p, multiprocessors_,
+                                                                                                  passes_.get());
   }
 
   void reserve(size_t pixels, bool aovs) {
@@ -191,7 +190,7 @@ class CudaBackend final : public Backend {
   int multiprocessors_ = 1;
   uint32_t large_tree_ = 0;
   std::unique_ptr<DeviceScene> scene_;
-  DeviceBuffer<KernelCounts> counts_;
+  std::unique_ptr<PassGraphs> passes_;
   DeviceBuffer<uint8_t> shade_class_;
   DeviceBuffer<double> sums_, aovs_;
   FilmCopier copier_;

@@ -6,9 +6,9 @@
 namespace destello {
 
 template <bool kAovs>
-Wave launch_fused(const KernelParams& p, int multiprocessors) {
+Wave launch_fused(const KernelParams& p, int multiprocessors, PassGraphs* passes) {
   const uint64_t blocks = launch_kernel(fused_kernel<kAovs>, p, kFusedThreads, 0,
-                                        (p.items + kFusedThreads - 1) / kFusedThreads, multiprocessors);
+                                        (p.items + kFusedThreads - 1) / kFusedThreads, multiprocessors, passes);
   return {blocks * kFusedThreads, sizeof(Path) + sizeof(Hit) + kFilmChannels * sizeof(double)};
 }
 

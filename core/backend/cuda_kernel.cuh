@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "backend/cuda_launch.cuh"
-#include "base/device_buffer.h"
+#include "backend/cuda_pass.cuh"
 
 namespace destello {
 
@@ -21,23 +21,19 @@ __device__ inline void add_global(double* to, double value) {
   asm volatile("red.global.add.f64 [%0], %1;" ::"l"(__cvta_generic_to_global(to)), "d"(value) : "memory");
 }
 
-static inline void set_kernel_params(const KernelParams& p) {
-  check_cuda(cudaMemcpyToSymbol(kernel_params_memory, &p, sizeof(p)), "set the kernel's parameters");
-}
-
 // As many blocks as the device holds at once, but no more than have something to do. Returns their number.
 static inline uint64_t launch_kernel(void (*kernel)(), const KernelParams& p, uint32_t threads, size_t memory,
-                                     uint64_t wanted, int multiprocessors) {
+                                     uint64_t wanted, int multiprocessors, PassGraphs* passes) {
   check_cuda(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(memory)),
              "ask for shared memory");
   int resident = 0;
   check_cuda(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, static_cast<int>(threads), memory),
              "ask for the occupancy");
   const uint64_t fitting = static_cast<uint64_t>(std::max(resident, 1)) * static_cast<uint64_t>(multiprocessors);
-  set_kernel_params(p);
+  void* params = nullptr;
+  check_cuda(cudaGetSymbolAddress(&params, kernel_params_memory), "find the kernel's parameters");
   const uint64_t blocks = std::min(wanted, fitting);
-  kernel<<<static_cast<unsigned>(blocks), threads, memory>>>();
-  check_cuda(cudaGetLastError(), "launch the render kernel");
+  passes->start({kernel, params, static_cast<uint32_t>(blocks), threads, memory}, p);
   return blocks;
 }
 

@@ -7,6 +7,8 @@
 
 namespace destello {
 
+class PassGraphs;
+
 // The paths that are under way at once, and the bytes of the chip that each of them takes.
 struct Wave {
   uint64_t paths = 0;
@@ -16,10 +18,10 @@ struct Wave {
 // What a scene is like: kernels for less hold less code. See SceneView::simple and plain.
 enum class SceneKind { Any, Simple, Plain };
 
-// Launch a kernel over all of p.items and return at once. multiprocessors: the device's.
+// Launch a kernel over all of p.items and return at once. multiprocessors: the device's. `passes`: wait there.
 template <bool kAovs>
-Wave launch_fused(const KernelParams& p, int multiprocessors);
+Wave launch_fused(const KernelParams& p, int multiprocessors, PassGraphs* passes);
 template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
-Wave launch_queues(const KernelParams& p, int multiprocessors);
+Wave launch_queues(const KernelParams& p, int multiprocessors, PassGraphs* passes);
 
 }  // namespace destello

@@ -43,13 +43,12 @@ struct QueueState {
 };
 
 // How a block uses its shared memory on devices of an architecture (10 * compute capability). What it leaves is first-level
-// cache, and worth something too: more to long ways through large trees. kShadows: lights are sampled.
+// cache, and worth something too: more to long ways through large trees, where there are no shadow rays to keep lanes busy.
+// kShadows: lights are sampled.
 template <bool kShadows, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kBudget =
-      1024 * (kArchitecture >= 900   ? (kLeaves == LeafKind::Spheres ? (kShadows ? 112 : 97) : (kShadows ? 97 : 80))
-              : kArchitecture >= 800 ? 80
-                                     : 31);
+  static constexpr size_t kHopper = kShadows ? 112 : kLeaves == LeafKind::Spheres ? 97 : 80;
+  static constexpr size_t kBudget = 1024 * (kArchitecture >= 900 ? kHopper : kArchitecture >= 800 ? 80 : 31);
   static constexpr size_t kSlotBytes = sizeof(uint32_t) * (kShadows ? kSlotWordsWithShadow : kSlotWords);
   static constexpr size_t kListBytes = sizeof(uint16_t) * ((kShadows ? 2 : 1) + 2 + kShadeClasses);
   static constexpr uint32_t kSlots = (kBudget - 256) / (kSlotBytes + kListBytes) / 32 * 32;
@@ -126,8 +125,9 @@ class QueueBlock {
   // on in the next turn: the block needn't wait for the longest.
   static constexpr bool kKeepsRays = kLeaves != LeafKind::Spheres;
   static constexpr uint32_t kKeptLanes = 20, kLeastTurns = 4;
-  static constexpr uint32_t kSteps = kKeepsRays ? 2 : 1;         // between two looks at how many lanes are idle
-  static constexpr uint32_t kRefillLanes = kKeepsRays ? 8 : 12;  // idle lanes that are worth a look at the list of rays
+  // Idle lanes that are worth a look at the list of rays.
+  static constexpr uint32_t kRefillLanes = kLeaves == LeafKind::Spheres ? 24 : kShadows ? 8 : 4;
+  static constexpr uint32_t kTests = kShadows && kLeaves == LeafKind::Triangles ? 2 : 1;  // primitives a step
   struct KeptRay {
     uint32_t item = kNothing;
     Traversal<kLeaves> way;
@@ -230,9 +230,8 @@ class QueueBlock {
       if (kKeepsRays && kernel_params().keep_rays && turns >= kLeastTurns &&
           __popc(busy) <= static_cast<int>(kKeptLanes) && __any_sync(0xffffffffu, rays_given_out(count)))
         break;
-#pragma unroll
-      for (uint32_t k = 0; k < kSteps; ++k)
-        if (active) active = way.step(kernel_params().scene.geometry, [&] { return load_ray(item); }, stack);
+      if (active)
+        active = way.template step<kTests>(kernel_params().scene.geometry, [&] { return load_ray(item); }, stack);
     }
     if constexpr (kKeepsRays) {
       if (!active && item != kNothing) {

@@ -45,7 +45,8 @@ struct BsdfContext {
 // once after the parameters are set. Also, if present:
 // - `static constexpr bool delta_only`: true if every lobe is a delta whatever the parameters;
 // - `is_delta()`: true if that is so with these parameters;
-// - `needs_wavelength()`: true if the path should settle for one wavelength before prepare, as directions depend on it.
+// - `needs_wavelength()`: true if the path should settle for one wavelength before prepare, as directions depend on it;
+// - `normals` (layer_normals.h): set before prepare where layers have normals of their own; the frame is the surface's then.
 template <class B>
 concept Bsdf = requires(const B b, Vec3 w, float uc, Vec2 u) {
   { b.eval(w, w) } -> std::same_as<Vec3>;

@@ -70,6 +70,13 @@ struct Horizon {
   }
 };
 
+// A shading normal kept within 85 degrees of the surface's.
+DST_FN Vec3 kept_above(Vec3 n, Vec3 side) {
+  constexpr float kLeast = 0.09f;
+  const float up = dot(n, side);
+  return up >= kLeast ? n : normalize(n + side * (kLeast - up));
+}
+
 // From above the horizon of `shading` to above that of `n`, or back. Where the two are one there is nothing to do.
 DST_FN DST_COLD BentDirection bend_horizon(Vec3 n, Vec3 shading, Vec3 w, bool back) {
   const Horizon h = Horizon::between(n, shading);

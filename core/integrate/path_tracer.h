@@ -107,8 +107,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   const MaterialSample answer =
       dispatch(typename Tracer::Materials{}, m.type,
                AskMaterial<Numbers, Tracer::kTextured>{scene, m.first_slot, texture, point, *path, numbers, to_light.w,
-                                                       has_light});
-  if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.frame.z, distance};
+                                                       has_light, layers_are_apart(m)});
+  if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.normal, distance};
   path->first_hit_done = true;
   if (path->depth >= settings.max_depth) {
     path->alive = false;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bsdf/horizon.h"
+#include "bsdf/layer_normals.h"
 #include "bsdf/spectrum.h"
 #include "integrate/records.h"
 #include "scene/area_light.h"
@@ -49,6 +50,8 @@ struct ShadingPoint {
   Frame frame;  // z on the path's side
   Vec3 wo;      // local
   Vec3 side;    // unit: what a direction must be above to be reflected, below to be transmitted
+  Vec3 normal,
+      tangent;  // what maps have made of the surface's, on the path's side; frame's own unless layers are apart
   BsdfContext context;
 
   // Whether the shading normal's horizon is another one.
@@ -85,6 +88,20 @@ DST_FN BentDirection entering(const ShadingPoint& point, Vec3 w) {
   return {local, local.z * side > 0 ? b.density : 0.0f};
 }
 
+// Whether the material's layers have normals of their own: it gets the surface's frame, and bends by itself.
+DST_FN bool layers_are_apart(const MaterialRecord& m) { return (~m.flags & (kHasCoat | kHasDetail)) == 0; }
+
+DST_FN DST_COLD LayerNormals layer_normals(const ShadingPoint& point) {
+  const Surface& s = point.surface;
+  const Frame& f = point.frame;
+  return {true,
+          f.to_local(point.normal),
+          f.to_local(point.tangent),
+          f.to_local(s.front ? s.ns : -s.ns),
+          f.to_local(s.tangent),
+          s.mirrored != !s.front};
+}
+
 template <class Tracer>
 DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path, const Surface& s,
                                        const MaterialRecord& m, const Hit& hit, const TextureContext& context) {
@@ -96,6 +113,8 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   if (!Tracer::kSimple && (m.flags & kHasDetail))
     detail = detail_frame(scene, m, s, context, hit, path.ray.time, p.side);
   if (!s.front) p.side = -p.side, detail.normal = -detail.normal;
+  p.normal = detail.normal, p.tangent = detail.tangent;
+  if (!Tracer::kSimple && layers_are_apart(m)) detail.normal = p.side;
   p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
   // Seen from behind its shading normal a surface looks as in the mirror: BSDFs know the upper side only, nothing jumps where
   // the normal turns away, and what a mirror then shows is what the flat surface would.
@@ -163,6 +182,7 @@ struct AskMaterial {
   const Numbers& numbers;
   Vec3 light;  // local direction towards a light, if has_light
   bool has_light;
+  bool apart;  // layers_are_apart
 
   template <class T>
   DST_HD MaterialSample operator()() const {
@@ -171,6 +191,9 @@ struct AskMaterial {
     if constexpr (requires { bsdf.needs_wavelength(); }) {
       if (context.wavelength == 0 && bsdf.needs_wavelength())
         context.wavelength = sample_wavelength(path.sampler.get_1d(kDimWavelength));
+    }
+    if constexpr (requires { bsdf.normals; }) {
+      if (apart) bsdf.normals = layer_normals(point);
     }
     prepare(bsdf, context);
     MaterialSample r;

@@ -27,19 +27,34 @@ inline OpenPbr openpbr_constants(const std::vector<Slot>& slots) {
   return openpbr_constants(slots, std::make_index_sequence<OpenPbr::params.size()>{});
 }
 
-// emission_* and geometry_opacity stand for what every surface has; both at once would be one too many.
-inline void adopt_openpbr_surface(const std::vector<Slot>& slots, Slot* emission, Slot* opacity) {
+// Flags for the coat: it may have normals of its own.
+inline uint32_t coat_flags(const std::vector<Slot>& slots) {
+  const OpenPbr m = openpbr_constants(slots);
+  if (!(m.coat_weight > 0)) return 0;
+  const bool mapped = !openpbr_slot(slots, "geometry_coat_normal").is_constant() ||
+                      !openpbr_slot(slots, "geometry_coat_tangent").is_constant();
+  return kHasCoat | (mapped || m.turns_coat() ? kHasDetail | kNeedsUv : 0u);
+}
+
+inline void adopt_openpbr_emission(const std::vector<Slot>& slots, Slot* emission) {
   const float luminance = openpbr_slot(slots, "emission_luminance").value.x;
-  if (luminance > 0) {
-    if (!is_black(emission->value)) throw std::invalid_argument("emission: expected 0 beside emission_luminance");
-    *emission = openpbr_slot(slots, "emission_color");
-    emission->value *= luminance / kLumensPerWatt;
-  }
+  if (luminance <= 0) return;
+  if (!is_black(emission->value)) throw std::invalid_argument("emission: expected 0 beside emission_luminance");
+  *emission = openpbr_slot(slots, "emission_color");
+  emission->value *= luminance / kLumensPerWatt;
+}
+
+// emission_* and geometry_opacity stand for what every surface has; both at once would be one too many. Returns the flags
+// that the material's other parameters ask for.
+inline uint32_t adopt_openpbr_surface(const std::vector<Slot>& slots, Slot* emission, Slot* opacity) {
+  adopt_openpbr_emission(slots, emission);
   const Slot& own = openpbr_slot(slots, "geometry_opacity");
-  if (own.is_constant() && own.value.x >= 1) return;
-  if (!opacity->is_constant() || opacity->value.x < 1)
-    throw std::invalid_argument("opacity: expected 1 beside geometry_opacity");
-  *opacity = own;
+  if (!own.is_constant() || own.value.x < 1) {
+    if (!opacity->is_constant() || opacity->value.x < 1)
+      throw std::invalid_argument("opacity: expected 1 beside geometry_opacity");
+    *opacity = own;
+  }
+  return coat_flags(slots);
 }
 
 // True, and the interior's index and medium, if the material has an inside.

@@ -157,7 +157,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
     two_sided = slots[2].value.x != 0;
   }
   Slot opacity = surface_slot(surface, "opacity");
-  if (type == index_of<OpenPbr>(Materials{})) adopt_openpbr_surface(slots, &emission, &opacity);
+  if (type == index_of<OpenPbr>(Materials{})) m.flags = adopt_openpbr_surface(slots, &emission, &opacity);
   const Slot& normal_map = surface_slot(surface, "normal_map");
   const Slot& bump = surface_slot(surface, "bump");
   const Slot& tangent = surface_slot(surface, "tangent_map");
@@ -166,7 +166,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
       {opacity, emission, normal_map, surface_slot(surface, "opacity_tint"), bump, tangent, rotation}, kSurfaceSlots);
   m.opacity_cutoff = surface_value(surface, "opacity_cutoff").x;
   m.normal_scale = surface_value(surface, "normal_scale").x;
-  m.flags = slot_flags(m.first_slot, count) | slot_flags(m.surface_slot, kSurfaceSlots);
+  m.flags |= slot_flags(m.first_slot, count) | slot_flags(m.surface_slot, kSurfaceSlots);
   if (!opacity.is_constant() || opacity.value.x < 1) m.flags |= kHasOpacity;
   if (!is_black(emission.value) || power > 0) m.flags |= kHasEmission;
   if (two_sided) m.flags |= kEmissionTwoSided;

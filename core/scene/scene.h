@@ -97,7 +97,7 @@ struct MeshData {
   std::vector<Vec3> normals, normals_end;
   std::vector<Vec4> tangents;  // see SceneView::tangents; where nothing moves
   std::vector<Vec2> uvs;
-  std::vector<Vec4> colors;  // linear
+  std::vector<Vec4> colors;  // linear; or (u, v, 0, 0) of a second set of uv (Image::second_uv)
 };
 
 // Voxels as given, in the order of VoxelArray; 0 channels: none.
@@ -115,8 +115,8 @@ class SceneBuilder {
 
   // Copies the texels. `mip_maps`: makes them, too. `halvings`: how often the image is made smaller before it is kept.
   uint32_t add_image(Image image, const void* texels, size_t bytes, bool mip_maps = false, uint32_t halvings = 0);
-  // A place without a picture, for a tile of a UdimTexture that is missing.
-  uint32_t add_no_image();
+  // A place without a picture, for a tile of a UdimTexture that is missing; placed as `image`.
+  uint32_t add_no_image(const Image& image);
   // The texels of an image that was added before, read in another way.
   uint32_t add_image_again(uint32_t same, Image image);
   uint32_t add_texture(uint32_t type, const std::vector<Slot>& slots);

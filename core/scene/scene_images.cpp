@@ -30,8 +30,10 @@ uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes, 
   return static_cast<uint32_t>(scene_->arrays_.images.size()) - 1;
 }
 
-uint32_t SceneBuilder::add_no_image() {
-  scene_->arrays_.images.emplace_back();
+uint32_t SceneBuilder::add_no_image(const Image& image) {
+  Image& none = scene_->arrays_.images.emplace_back();
+  std::copy_n(&image.uv[0][0], 6, &none.uv[0][0]);
+  none.second_uv = image.second_uv;
   return static_cast<uint32_t>(scene_->arrays_.images.size()) - 1;
 }
 

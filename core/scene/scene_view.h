@@ -18,13 +18,14 @@ enum MaterialFlag : uint32_t {
   kHasOpacity = 1,  // the opacity slot is not a constant 1
   kHasEmission = 2,
   kEmissionTwoSided = 4,
-  kHasDetail = 8,     // a normal, bump or tangent map turns its shading frame
+  kHasDetail = 8,     // a normal, bump or tangent map turns its shading frame, or its coat's
   kIsBoundary = 16,   // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
   kIsInterface = 32,  // no surface at all, only a boundary
   kNeedsUv = 64,      // some texture wants texture coordinates
   kIsMix = 128,
   kOpaqueToShadows = 256,  // blocks shadow rays for sure
   kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
+  kHasCoat = 1024,         // a layer on top that does not take part in the maps that turn the base's frame
 };
 
 // A material: the BSDF's own parameters and those that every surface has.

@@ -1,6 +1,7 @@
 // What normal, bump and tangent maps make of a surface's shading frame.
 #pragma once
 
+#include "bsdf/horizon.h"
 #include "scene/surface.h"
 
 namespace destello {
@@ -82,13 +83,6 @@ DST_FN Vec3 mapped_normal(const Frame& frame, bool mirrored, Vec3 sampled, float
   const float up = mirrored ? -scale : scale;
   const Vec3 n = frame.to_world({(2 * sampled.x - 1) * scale, (2 * sampled.y - 1) * up, 2 * sampled.z - 1});
   return length_squared(n) > 0 ? normalize(n) : frame.z;
-}
-
-// Kept within 85 degrees of `side`.
-DST_FN Vec3 kept_above(Vec3 n, Vec3 side) {
-  constexpr float kLeast = 0.09f;
-  const float up = dot(n, side);
-  return up >= kLeast ? n : normalize(n + side * (kLeast - up));
 }
 
 // A shading frame on the outward side.

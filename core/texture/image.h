@@ -134,7 +134,8 @@ DST_NOINLINE Vec4 sample_image_at(const Image& image, const TextureData& data, f
   return {lerp(c.x, d.x, t), lerp(c.y, d.y, t), lerp(c.z, d.z, t), lerp(c.w, d.w, t)};
 }
 
-DST_FN Vec2 image_uv(const Image& image, Vec2 uv) {
+DST_FN Vec2 image_uv(const Image& image, const TextureContext& c) {
+  const Vec2 uv = image.second_uv ? Vec2(c.vertex_color.x, c.vertex_color.y) : c.uv;
   return {image.uv[0][0] * uv.x + image.uv[0][1] * uv.y + image.uv[0][2],
           image.uv[1][0] * uv.x + image.uv[1][1] * uv.y + image.uv[1][2]};
 }
@@ -153,8 +154,8 @@ struct ImageTexture {
 
   DST_HD Vec4 eval(const TextureContext& c, const TextureData& data) const {
     const Image& picture = data.images[static_cast<uint32_t>(image)];
-    const Vec2 at = image_uv(picture, c.uv);
-    return sample_image_at(picture, data, at.x, at.y, c.footprint);
+    const Vec2 at = image_uv(picture, c);
+    return sample_image_at(picture, data, at.x, at.y, picture.second_uv ? 0.0f : c.footprint);
   }
 };
 

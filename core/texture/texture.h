@@ -15,7 +15,7 @@ namespace destello {
 struct TexturePlace {
   Vec3 position;                  // world space, metres
   Vec2 uv;                        // as the mesh stores it; v = 0 at the bottom (images: see image.h)
-  Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear
+  Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear; or in its place a second set of uv (Image::second_uv)
 };
 // With what there is to filter.
 struct TextureContext : TexturePlace {
@@ -36,6 +36,7 @@ struct Image {
   uint32_t bilinear = 1;                    // else nearest
   uint32_t levels = 1;                      // mip maps that follow, itself counted
   float uv[2][3] = {{1, 0, 0}, {0, 1, 0}};  // affine map from mesh uv to image uv
+  uint32_t second_uv = 0;                   // of a second uv, without mip maps: footprints are measured in the first
 };
 
 // A parameter's value: `value` times the texture (if any) times the vertex colour (if asked for). 16 bytes.

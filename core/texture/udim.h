@@ -23,13 +23,13 @@ struct UdimTexture {
 
   DST_HD Vec4 eval(const TextureContext& c, const TextureData& data) const {
     const Image* tiles = data.images.data + static_cast<uint32_t>(first);
-    const Vec2 at = image_uv(tiles[0], c.uv);
+    const Vec2 at = image_uv(tiles[0], c);
     const float column = floorf(at.x), row = floorf(at.y);
     if (!(column >= 0 && column < columns && row >= 0 && row < rows)) return {0, 0, 0, 0};
     const Image& tile =
         tiles[static_cast<uint32_t>(row) * static_cast<uint32_t>(columns) + static_cast<uint32_t>(column)];
     if (tile.width == 0) return {0, 0, 0, 0};
-    return sample_image_at(tile, data, at.x - column, at.y - row, c.footprint);
+    return sample_image_at(tile, data, at.x - column, at.y - row, tile.second_uv ? 0.0f : c.footprint);
   }
 };
 

@@ -290,6 +290,7 @@ class SceneCompiler:
             raise SceneError("a volume in a shape that moves", place=place, expected=expected)
         if carries_volume(shape):
             materials = materials.placed(shape["transform"])
+        materials.check_uvs(shape, place)
         return materials.material(shape["material"], f"{place}.material")
 
     def _placement(self, shape: Node, context: Context) -> tuple[Transform | None, Transform | None]:

@@ -14,6 +14,7 @@ from destello.errors import SceneError
 from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
+from destello.mesh_checks import check_second_uvs, vertex_values
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
@@ -22,7 +23,9 @@ from destello.udim import read_tiles
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_NUMBERS = frozenset({"normal_map", "tangent_map", "eta", "k", "subsurface_radius_scale"})  # in the guise of colours
+_NORMALS = frozenset({"normal_map", "geometry_coat_normal"})
+_TANGENTS = frozenset({"tangent_map", "geometry_coat_tangent"})
+_NUMBERS = _NORMALS | _TANGENTS | {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
 
 
 class MaterialCompiler:
@@ -40,6 +43,7 @@ class MaterialCompiler:
         self._default: int | None = None
         self._channels: dict[Node, str] = {}  # of image textures
         self._placed: dict[Transform, MaterialCompiler] = {}
+        self._read: dict[Node, frozenset[str]] = {}
 
     def placed(self, place: Transform) -> MaterialCompiler:
         """One for the same scene's materials with volumes: these stand in `place`, with voxels of their own."""
@@ -69,6 +73,14 @@ class MaterialCompiler:
                 if grid is not None:
                     self._builder.set_medium_grid(self._materials[node], grid)
         return self._materials[node]
+
+    def check_uvs(self, shape: Node, place: str) -> None:
+        """Whether the shape has the texture coordinates that its material's images want. Raises SceneError."""
+        material = shape["material"]
+        if material is not None:
+            if material not in self._read:
+                self._read[material] = vertex_values(material)
+            check_second_uvs(shape, self._read[material], f"{place}.material")
 
     def volume(self, node: Node, place: str) -> int:
         """The core's number of a volume."""
@@ -121,8 +133,8 @@ class MaterialCompiler:
             made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
-        if doc.name in ("normal_map", "tangent_map"):
-            self._check_channel(texture, "rgb" if doc.name == "normal_map" else "rg", place)
+        if doc.name in _NORMALS | _TANGENTS:
+            self._check_channel(texture, "rgb" if doc.name in _NORMALS else "rg", place)
         elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
             self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}
@@ -218,7 +230,7 @@ _CHANNELS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 
 def _options(texture: Node) -> dict[str, Any]:
     """How an image is read: what an ImageTable asks for."""
-    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps")
+    names = ("path", "wrap_u", "wrap_v", "uv_scale", "uv_offset", "uv_rotation", "filter", "mip_maps", "uv_set")
     return {name: texture[name] for name in names}
 
 

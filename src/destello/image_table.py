@@ -7,6 +7,8 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.compile_errors import core_errors
 
@@ -116,7 +118,11 @@ class ImageTable:
         return tuple(max(float(c), low) for c in converted(rgb, "rec709", self.working))
 
     def vertex_colors(self, mesh: dict[str, Any]) -> dict[str, Any]:
-        """A mesh's arrays with its colours in the working space."""
+        """A mesh's arrays as the core takes them: colours in the working space, or second_uvs in their place."""
+        mesh = dict(mesh)
+        second = mesh.pop("second_uvs", None)
+        if second is not None:
+            return {**mesh, "colors": np.pad(second, ((0, 0), (0, 2)))}
         if self.working == "rec709" or mesh.get("colors") is None:
             return mesh
         colors = mesh["colors"].copy()
@@ -136,8 +142,9 @@ class ImageTable:
         """The number of the first of a row of images; None: none in its place."""
         key = (tuple(None if t is None else self.digest(t) for t in tiles), srgb, _options(texture))
         if key not in self._ids:
+            where = {"uv_transform": uv_transform(texture), "second_uv": texture["uv_set"] == "second"}
             numbers = [
-                self._builder.add_no_image() if tile is None else self._new(tile, srgb, texture, place)
+                self._builder.add_no_image(**where) if tile is None else self._new(tile, srgb, texture, place)
                 for tile in tiles
             ]
             self._ids[key] = numbers[0]
@@ -158,6 +165,7 @@ class ImageTable:
                 wrap_v=texture["wrap_v"],
                 filter=texture["filter"],
                 uv_transform=uv_transform(texture),
+                second_uv=texture["uv_set"] == "second",
                 mip_maps=mips,
                 halvings=self.halvings.get(self._origins.get(id(texels), content), 0),
                 same=same,
@@ -179,4 +187,4 @@ def uv_transform(texture: Mapping[str, Any]) -> tuple[tuple[float, ...], ...]:
 
 
 def _options(texture: Mapping[str, Any]) -> Hashable:
-    return (*(texture[name] for name in ("wrap_u", "wrap_v", "filter", "mip_maps")), uv_transform(texture))
+    return (*(texture[name] for name in ("wrap_u", "wrap_v", "filter", "mip_maps", "uv_set")), uv_transform(texture))

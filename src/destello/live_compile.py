@@ -117,6 +117,7 @@ class LiveCompiler(SceneCompiler):
                 raise NotInPlace(f"a volume stands where {label(place, after)} is placed")
             if after.type == "mesh_file" and after["material"] is None:
                 raise NotInPlace(f"{place} has its file's materials again")
+            self.materials.check_uvs(after, label(place, after))
             now = self.materials.material(after["material"], f"{label(place, after)}.material")
             if now != number or (before.type == "mesh_file" and before["material"] is None):
                 self._give_material(place, now)

@@ -12,7 +12,9 @@ from destello.errors import SceneError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1", "tangents")
+    from destello.nodes import Node
+
+_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1", "tangents", "second_uvs")
 
 
 def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDArray[Any] | None]:
@@ -29,6 +31,8 @@ def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDAr
             )
     if "normals1" in arrays and "normals" not in arrays:
         raise SceneError("normals1 without normals", place=f"{place}.normals1", expected="both or none")
+    if "second_uvs" in arrays and "colors" in arrays:
+        raise SceneError("colors and second_uvs", place=f"{place}.second_uvs", expected="one of them")
     for name in ("positions", *_PER_VERTEX):
         if name in arrays:
             check_finite(arrays[name], f"{place}.{name}")
@@ -47,6 +51,32 @@ def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDAr
     if colors is not None and colors.shape[1] == 3:
         made["colors"] = np.concatenate([colors, np.ones((count, 1), np.float32)], axis=1)
     return made
+
+
+def vertex_values(material: Node) -> frozenset[str]:
+    """Which of "second_uvs" and "colors" a material's textures read; "bump" if a bump map reads the former."""
+    found = set()
+    for node in material.walk():
+        if node.type == "image" and node["uv_set"] == "second":
+            found.add("second_uvs")
+        if node.type == "vertex_color" or (node.type == "scaled" and node["vertex_color"]):
+            found.add("colors")
+        bump = node.params.get("bump")
+        if bump is not None and any(n.type == "image" and n["uv_set"] == "second" for n in bump.walk()):
+            found.add("bump")
+    return frozenset(found)
+
+
+def check_second_uvs(shape: Node, read: frozenset[str], place: str) -> None:
+    """Whether a shape has what its material reads (see `vertex_values`). Raises SceneError."""
+    has = shape.type == "mesh" and shape["second_uvs"] is not None
+    if "second_uvs" in read and not has:
+        expected = "a mesh that has them, or uv_set: first"
+        raise SceneError("an image of the second uv set on a shape without second_uvs", place=place, expected=expected)
+    if "colors" in read and has:
+        raise SceneError("vertex colours of a mesh with second_uvs", place=place, expected="either of them")
+    if "bump" in read:
+        raise SceneError("a bump map of the second uv set", place=place, expected="uv_set: first")
 
 
 def check_finite(array: NDArray[Any], place: str) -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _RINGS = 16  # of triangles with flat texture coordinates around one whose orientation they take
 _BATCH = 1 << 14
-_PLACES = ("normal_map", "tangent_map")
+_PLACES = ("normal_map", "tangent_map", "geometry_coat_normal", "geometry_coat_tangent")
 _STRETCHED = ("anisotropy", "specular_roughness_anisotropy", "coat_roughness_anisotropy")
 
 

@@ -19,7 +19,7 @@ def image(source: Any = None, *, name: str | None = None, **params: Any) -> Node
             top row first, of uint8, uint16 or float32.
         name: label for people and scene files.
         **params: color_space ("auto", "srgb", "linear"), wrap_u, wrap_v ("repeat", "clamp", "mirror"), filter
-            ("bilinear", "nearest"), uv_scale, uv_offset (2 numbers), uv_rotation (degrees).
+            ("bilinear", "nearest"), uv_scale, uv_offset (2 numbers), uv_rotation (degrees), uv_set ("first", "second").
 
     Raises:
         SceneError: if a value is not accepted.

@@ -303,6 +303,7 @@ def test_every_slot_has_its_texture_transform(tmp_path: Path) -> None:
             "KHR_materials_clearcoat": {
                 "clearcoatFactor": 1, "clearcoatTexture": info(),
                 "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": info(),
+                "clearcoatNormalTexture": info(),
             },
             "KHR_materials_sheen": {
                 "sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(),
@@ -325,28 +326,6 @@ def test_every_slot_has_its_texture_transform(tmp_path: Path) -> None:
     old = {"diffuseTexture": info(), "specularGlossinessTexture": info()}
     node = material_of(g, tmp_path, extensions={"KHR_materials_pbrSpecularGlossiness": old})
     assert len({image["uv_scale"][0] for image in node.walk() if image.type == "image"} - {1}) == 2
-
-
-def test_uv_set_of_the_base_colour(tmp_path: Path) -> None:
-    g = Gltf()
-    index = texture_of(g, tmp_path)
-    pbr = {"baseColorTexture": {"index": index, "texCoord": 1}}
-    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr, normalTexture={"index": index})
-    np.testing.assert_array_equal(scene.shapes[0]["uvs"], QUAD_UV * 2 * (1, -1) + (0, 1))
-    assert any("several UV sets" in note for note in scene.notes)
-    g = Gltf()
-    info = {"index": texture_of(g, tmp_path), "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
-    scene = scene_with(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": info})
-    np.testing.assert_array_equal(scene.shapes[0]["uvs"][0], [0, -1])
-    assert scene.notes == []
-
-
-def test_missing_uv_set_is_noted(tmp_path: Path) -> None:
-    g = Gltf()
-    pbr = {"baseColorTexture": {"index": texture_of(g, tmp_path), "texCoord": 7}}
-    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr)
-    assert scene.shapes[0]["uvs"] is None
-    assert any("no TEXCOORD_7" in note for note in scene.notes)
 
 
 @pytest.mark.parametrize(("strength", "sky"), [(None, True), (5.0, False)])

@@ -46,6 +46,20 @@ def test_gltf_textures_stand_upright(copies: int, device: str, tmp_path: Path) -
     np.testing.assert_allclose(image[16, 16], GREY, atol=1e-3)
 
 
+def test_gltf_second_set_of_coordinates(device: str, tmp_path: Path) -> None:
+    """The glow reads TEXCOORD_1, which is mirrored; the base colour, of which nothing is lit, TEXCOORD_0."""
+    g = Gltf()
+    index = g.texture(encode_image(corner_image(), ".png", tmp_path), magFilter=9728)
+    pbr = {"baseColorTexture": {"index": index}}
+    look = {"emissiveTexture": {"index": index, "texCoord": 1}, "emissiveFactor": [1, 1, 1]}
+    g.node(mesh=g.quad(material=g.add("materials", pbrMetallicRoughness=pbr, **look)))
+    mirrored = QUAD_UV * np.float32((-1, 1)) + np.float32((1, 0))
+    g.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = g.accessor(mirrored)
+    top_left, top_right, bottom_left, bottom_right = CORNERS
+    seen = corners(picture(dl.load(g.glb(tmp_path)), device))
+    np.testing.assert_allclose(seen, [top_right, top_left, bottom_right, bottom_left], atol=1e-3)
+
+
 def test_gltf_texture_transform_turns_the_picture(device: str, tmp_path: Path) -> None:
     """A quarter turn about the middle of the image: uv turn counter-clockwise, the picture clockwise."""
     turn = {"KHR_texture_transform": {"rotation": np.pi / 2, "offset": [0, 1]}}

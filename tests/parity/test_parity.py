@@ -22,6 +22,7 @@ SCENES = [
     "normal maps and mixtures",
     "detailed",
     "layered",
+    "coats",
     "clouds",
     "placed clouds",
     "a large tree",
@@ -52,7 +53,7 @@ def opaque() -> dl.Scene:
 
 
 def detailed() -> dl.Scene:
-    """Bent horizons, lifted points, bump and tangent maps, mip maps of every format, tiles, tinted veils."""
+    """Bent horizons, lifted points, bump and tangent maps, mip maps of every format, tiles, tinted veils, uv sets."""
     rng = np.random.default_rng(4)
     s = dl.Scene(name="detailed")
     s.film.width, s.film.height = 160, 100
@@ -83,6 +84,11 @@ def detailed() -> dl.Scene:
     s.add(dl.shapes.sphere((-1.2, 0.4, 2), 0.4, material=dl.materials.diffuse(reflectance=0.6, bump=noise)))
     veil = dl.materials.diffuse(reflectance=0.2, opacity=0.3, opacity_tint=(0.9, 0.5, 0.2))
     s.add(dl.shapes.quad((1, 0, 2), (1.5, 0, 0.5), (0, 2, 0), material=veil))
+    sheet = np.float32([(-4, 0, 1), (-2.5, 0, 1), (-2.5, 1.5, 1), (-4, 1.5, 1)])
+    first = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
+    glow = dl.textures.image(normal[:8, :8], color_space="linear", uv_set="second")
+    both = dl.materials.diffuse(reflectance=dl.textures.image(normal, color_space="linear"), emission=glow)
+    s.add(dl.shapes.mesh(sheet, [(0, 1, 2), (0, 2, 3)], uvs=first, second_uvs=3 * first[::-1], material=both))
     s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
     s.environment = dl.environments.gradient()
     return s
@@ -176,6 +182,32 @@ def layered() -> dl.Scene:
     return s
 
 
+def coats() -> dl.Scene:
+    """Coats with normals of their own, over normal and bump maps, smooth and rough, on glass and thin sheets."""
+    s = dl.Scene(name="coats")
+    s.film.width, s.film.height = 160, 60
+    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=24)
+    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse()))
+    normals = 0.3 + 0.4 * np.random.default_rng(6).random((16, 16, 3), np.float32)
+    normals[..., 2] = 1
+    ripples = dl.textures.image(normals, color_space="linear", uv_scale=(2, 2))
+    bump = dl.textures.scaled(dl.textures.noise(scale=6), scale=0.05)
+    looks: list[dict[str, Any]] = [
+        {"geometry_coat_normal": ripples, "base_metalness": 1.0},
+        {"normal_map": ripples, "coat_roughness": 0.3, "fuzz_weight": 0.3},
+        {"bump": bump, "geometry_coat_normal": ripples, "geometry_coat_normal_scale": 0.5, "coat_roughness": 0.5}
+        | {"coat_roughness_anisotropy": 0.7, "geometry_coat_tangent": (0.8, 0.9, 0.5)},
+        {"normal_map": ripples, "transmission_weight": 1.0, "specular_roughness": 0.2, "coat_color": (0.9, 0.6, 0.4)},
+        {"geometry_coat_normal": (0.6, 0.7, 0.9), "geometry_thin_walled": True, "subsurface_weight": 0.7},
+    ]
+    for i, look in enumerate(looks):
+        material = dl.materials.openpbr(coat_weight=0.9, base_color=(0.7, 0.2, 0.1), **look)
+        s.add(dl.shapes.sphere(center=(1.4 * i - 2.8, 0.6, 0), radius=0.6, material=material))
+    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
+    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    return s
+
+
 def large() -> dl.Scene:
     """A tree in which the queue kernel keeps rays over turns, shadow rays too."""
     return scenes.build("interior", 0.05)
@@ -186,6 +218,7 @@ MADE = {
     "normal maps and mixtures": opaque,
     "detailed": detailed,
     "layered": layered,
+    "coats": coats,
     "clouds": clouds,
     "placed clouds": placed_clouds,
     "a large tree": large,

@@ -202,7 +202,7 @@ def test_what_goes_not_together_is_said(look: dict[str, Any], message: str) -> N
 
 
 def test_ranges_are_checked() -> None:
-    for name, value in (("specular_ior", 0.5), ("coat_weight", 1.5), ("base_color", (1, 2, 0))):
+    for name, value in (("specular_ior", 0.3), ("coat_ior", 3.1), ("coat_weight", 1.5), ("base_color", (1, 2, 0))):
         with pytest.raises(dl.Error, match=name):
             dl.materials.openpbr(**{name: value})
     with pytest.raises((dl.Error, TypeError), match="specular_rougness"):

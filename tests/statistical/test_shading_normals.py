@@ -10,7 +10,7 @@ import pytest
 import destello as dl
 import stats
 from destello import _core
-from transport import assert_agree, assert_constant, assert_known, down_on, estimate
+from transport import assert_agree, assert_constant, assert_known, bumps, down_on, estimate, furnace
 
 WHITE = {
     "diffuse": lambda **s: dl.materials.diffuse(reflectance=1, **s),
@@ -66,22 +66,6 @@ def test_bent_directions_have_the_density_they_tell(tilt: float) -> None:
         return np.where(w[:, 2] > 0, np.maximum(back[:, :3] @ pair[1], 0) * back[:, 3] / np.pi, 0)
 
     stats.chi2_directions(draw, density, seed=5).check()
-
-
-def bumps(rng: np.random.Generator, steep: float) -> Any:
-    """A normal map whose normals lean by up to `steep` (tangent) in all directions."""
-    xy = rng.uniform(-steep, steep, (16, 16, 2))
-    n = np.concatenate([xy, np.ones((16, 16, 1))], -1)
-    n /= np.linalg.norm(n, axis=-1, keepdims=True)
-    return dl.textures.image(((n + 1) / 2).astype(np.float32), color_space="linear", uv_scale=(2, 2))
-
-
-def furnace(shape: Any) -> dl.Scene:
-    scene = dl.Scene("furnace")
-    scene.environment = dl.environments.constant(radiance=1)
-    scene.add(shape)
-    scene.camera = dl.cameras.orthographic(origin=(0.3, 0.4, 5), target=(0, 0, 0), up=(0, 1, 0), height=2.2)
-    return scene
 
 
 @pytest.mark.parametrize("steep", [0.5, 3])

@@ -204,3 +204,4 @@ def test_which_materials_depend_on_tangents():
     assert not depends_on_tangents(dl.materials.conductor(anisotropy=0.0))
     assert depends_on_tangents(dl.materials.openpbr(specular_roughness_anisotropy=0.2))
     assert depends_on_tangents(dl.materials.openpbr(tangent_map=(0.5, 1, 0.5)))
+    assert depends_on_tangents(dl.materials.openpbr(geometry_coat_normal=(0.5, 0.6, 0.9)))

@@ -199,6 +199,17 @@ def test_tiles_lie_where_their_numbers_say(tmp_path: Path, device: str) -> None:
     assert info["images"]["t.<UDIM>.png"]["tiles"] == 4
 
 
+def test_tiles_lie_where_the_transform_takes_them(tmp_path: Path, device: str) -> None:
+    """Also where the first tile, by which the others are found, is missing."""
+    write_image(tmp_path / "t.1002.png", tile(51))
+    scene = tiled(tmp_path)
+    (shape,) = scene.shapes
+    image = shape["material"]["radiance"].replace(uv_scale=(1.5, 1))
+    scene.shapes[0] = shape.replace(material=shape["material"].replace(radiance=image))
+    got = dl.render(scene, spp=4, size=(18, 12), device=device, progress=False).array[8, :, 0]
+    np.testing.assert_allclose(got[1::2] * 5, [0, 0, 1, 1, 0, 0, 0, 0, 0], atol=1e-3)
+
+
 def test_tiles_that_do_not_fit_are_named(tmp_path: Path) -> None:
     with pytest.raises(MissingFileError, match="UDIM"):
         tiled(tmp_path).compile()

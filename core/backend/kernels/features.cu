@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_fused<true>(const KernelParams&, int);
+template Wave launch_fused<true>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello

@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_fused<false>(const KernelParams&, int);
+template Wave launch_fused<false>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello

@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_queues<true, SceneKind::Any, LeafKind::Any>(const KernelParams&, int);
+template Wave launch_queues<true, SceneKind::Any, LeafKind::Any>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello

@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_queues<false, SceneKind::Plain, LeafKind::Triangles>(const KernelParams&, int);
+template Wave launch_queues<false, SceneKind::Plain, LeafKind::Triangles>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello

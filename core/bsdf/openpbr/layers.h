@@ -1,6 +1,7 @@
 // OpenPBR's stack: fuzz over coat over base; its evaluation and sampling.
 #pragma once
 
+#include "bsdf/layer_normals.h"
 #include "bsdf/openpbr/base.h"
 #include "bsdf/openpbr/fuzz.h"
 
@@ -9,6 +10,10 @@ namespace destello::openpbr {
 // A layer on top takes what it reflects from the light that those below get, of the direction wo alone (albedo scaling):
 // no light is lost, but with a coat or fuzz the sum is not reciprocal. From inside neither is there, but for the coat's
 // colour.
+//
+// Base and coat may have normals of their own. Then each bends its own horizon to the surface's (bsdf/layer_normals.h), so it
+// sends all its light over the surface, where a surface of its normal would send it; what the coat takes from the base
+// goes by the direction of view in the coat's frame. So nothing is lost whatever the normals. The fuzz has the base's.
 struct Layers {
   Base base;
   Fuzz fuzz;
@@ -22,6 +27,8 @@ struct Layers {
   float rough_held = 0;     // share of diffuse light that the coat sends back down
   float base_roughness = 1;
   Vec3 base_albedo{1};
+  bool turned = false;  // base and coat have frames of their own; else both have the one of the directions given
+  LayerFrame base_frame, coat_frame;
 
   DST_HD void finish() {
     base.finish();
@@ -40,8 +47,12 @@ struct Layers {
     return base.only_delta() && (base.inside || (fuzz.weight <= 0 && (coat <= 0 || coat_ggx.smooth())));
   }
 
-  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? Vec3(0) : eval(wo, wi, view(wo)); }
-  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? 0.0f : pdf(wo, wi, lobes(view(wo))); }
+  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? Vec3(0) : eval(wi, view(wo)); }
+  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const {
+    if (wi.z == 0) return 0;
+    const View v = view(wo);
+    return pdf(v, wi, lobes(v));
+  }
   DST_HD DST_COLD BsdfSample sample(Vec3 wo, float u_lobe, Vec2 u) const {
     const View v = view(wo);
     const Lobes p = lobes(v);
@@ -50,24 +61,32 @@ struct Layers {
     if ((u_lobe -= p.fuzz) < 0) {
       wi = Fuzz::sample(u);
     } else if ((u_lobe -= p.coat) < 0) {
+      const Vec3 o = v.coat_wo;
       if (coat_ggx.smooth()) {
-        const Vec3 f(fresnel_dielectric(wo.z, coat_reflects).reflectance * coat * v.through_fuzz);
-        return {{-wo.x, -wo.y, wo.z}, f / p.coat, 1, kReflection | kDelta};
+        const Vec3 f(fresnel_dielectric(o.z, coat_reflects).reflectance * coat * v.through_fuzz);
+        return {from_coat({-o.x, -o.y, o.z}), f / p.coat, 1, kReflection | kDelta};
       }
-      wi = normalize(reflect(wo, coat_ggx.sample_visible(wo, u)));
-      if (wi.z <= 0) return {};
+      wi = normalize(reflect(o, coat_ggx.sample_visible(o, u)));
+      return wi.z > 0 ? finish_sample(from_coat(wi), v, p) : BsdfSample{};
     } else if ((u_lobe -= p.facet) < 0) {
-      return sample_facet(wo, v, p, u_lobe / p.facet + 1.0f, u);
+      return sample_facet(v, p, u_lobe / p.facet + 1.0f, u);
     } else {
       wi = square_to_cosine_hemisphere(u);
       if (u_lobe >= p.up) wi.z = -wi.z;
     }
-    return finish_sample(wo, wi, v, p);
+    return finish_sample(from_base(wi), v, p);
   }
 
  private:
+  // Directions in the layers' frames, and back.
+  DST_HD BentDirection in_base(Vec3 wi) const { return turned ? base_frame.enter(wi) : BentDirection{wi, 1}; }
+  DST_HD BentDirection in_coat(Vec3 wi) const { return turned ? coat_frame.enter(wi) : BentDirection{wi, 1}; }
+  DST_HD Vec3 from_base(Vec3 wi) const { return turned ? base_frame.leave(wi) : wi; }
+  DST_HD Vec3 from_coat(Vec3 wi) const { return turned ? coat_frame.leave(wi) : wi; }
+
   // What there is to know of wo.
   struct View {
+    Vec3 wo, coat_wo;  // in the base's frame and in the coat's
     Base::View base;
     Fuzz::View fuzz;
     float through_fuzz = 1;  // what the fuzz leaves to what is below
@@ -76,23 +95,25 @@ struct Layers {
   };
   DST_HD DST_COLD View view(Vec3 wo) const {
     View v;
-    v.base = base.view(wo);
+    v.wo = turned ? base_frame.view(wo) : wo;
+    v.coat_wo = turned ? coat_frame.view(wo) : wo;
+    v.base = base.view(v.wo);
     if (base.inside) return v;
-    v.fuzz = fuzz.view(wo.z);
+    v.fuzz = fuzz.view(v.wo.z);
     v.through_fuzz = 1.0f - fuzz.weight * v.fuzz.albedo;
     if (!(coat > 0)) return v;
-    v.coat_albedo = coat_ggx.smooth() ? fresnel_dielectric(wo.z, coat_reflects).reflectance
-                                      : reflected(wo, coat_ggx, coat_reflects);
-    const float held = lerp(fresnel_dielectric(wo.z, coat_reflects).reflectance, rough_held, base_roughness);
+    const float mirrored = fresnel_dielectric(v.coat_wo.z, coat_reflects).reflectance;
+    v.coat_albedo = coat_ggx.smooth() ? mirrored : reflected(v.coat_wo, coat_ggx, coat_reflects);
+    const float held = lerp(mirrored, rough_held, base_roughness);
     const Vec3 d = Vec3(1.0f - held) / (Vec3(1) - base_albedo * held);
     v.dark = lerp(Vec3(1), d, coat * darkening);
     return v;
   }
-  // What the layers above leave of the base's light between wo and wi.
-  DST_HD Vec3 above_base(Vec3 wo, Vec3 wi, const View& v) const {
+  // What the layers above leave of the base's light between wo and a direction in the coat's frame.
+  DST_HD Vec3 above_base(Vec3 coat_wi, bool up, const View& v) const {
     if (coat <= 0) return Vec3(v.through_fuzz);
-    if (base.inside) return wi.z > 0 ? Vec3(1) : lerp(Vec3(1), absorbed(inverse_cosine(wi.z)), coat);
-    const float way = inverse_cosine(wo.z) + (wi.z > 0 || base.thin ? inverse_cosine(wi.z) : 0.0f);
+    if (base.inside) return up ? Vec3(1) : lerp(Vec3(1), absorbed(inverse_cosine(coat_wi.z)), coat);
+    const float way = inverse_cosine(v.coat_wo.z) + (up || base.thin ? inverse_cosine(coat_wi.z) : 0.0f);
     return lerp(Vec3(1), absorbed(way) * (1.0f - v.coat_albedo), coat) * v.dark * v.through_fuzz;
   }
   // Of a direction refracted into the coat.
@@ -103,17 +124,22 @@ struct Layers {
     return {powf(coat_color.x, x), powf(coat_color.y, x), powf(coat_color.z, x)};
   }
 
-  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi, const View& v) const {
-    Vec3 f = base.spread(wo, wi, v.base, base.view(wi));
-    f += wi.z > 0 ? facet_reflects(wo, wi) : facet_passes(wo, wi);
-    f = f * above_base(wo, wi, v);
-    if (base.inside || wi.z < 0) return f;
-    if (coat > 0 && !coat_ggx.smooth()) {
-      const Vec3 h = normalize(wo + wi);
-      f += Vec3(fresnel_dielectric(dot(wo, h), coat_reflects).reflectance * coat_ggx.d(h) *
-                coat_ggx.g2_over_4cos2(wo, wi) * wi.z * coat * v.through_fuzz);
+  DST_HD DST_COLD Vec3 eval(Vec3 wi, const View& v) const {
+    const BentDirection b = in_base(wi), c = in_coat(wi);
+    const bool up = wi.z > 0;
+    Vec3 f;
+    if (b.density > 0) {
+      f = base.spread(v.wo, b.w, v.base, base.view(b.w));
+      f += up ? facet_reflects(v.wo, b.w) : facet_passes(v.wo, b.w);
+      f = f * above_base(c.w, up, v) * b.density;
     }
-    if (fuzz.weight > 0) f += fuzz.eval(wo, wi, v.fuzz) * fuzz.weight;
+    if (base.inside || !up) return f;
+    if (coat > 0 && !coat_ggx.smooth() && c.density > 0) {
+      const Vec3 o = v.coat_wo, h = normalize(o + c.w);
+      f += Vec3(fresnel_dielectric(dot(o, h), coat_reflects).reflectance * coat_ggx.d(h) *
+                coat_ggx.g2_over_4cos2(o, c.w) * c.w.z * coat * v.through_fuzz * c.density);
+    }
+    if (fuzz.weight > 0 && b.density > 0) f += fuzz.eval(v.wo, b.w, v.fuzz) * (fuzz.weight * b.density);
     return f;
   }
   // --- facets ---
@@ -189,7 +215,17 @@ struct Layers {
     const float a = average(f.up), b = average(f.down);
     return a + b > 0 ? a / (a + b) : 1.0f;
   }
-  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi, const Lobes& p) const {
+  DST_HD DST_COLD float pdf(const View& v, Vec3 wi, const Lobes& p) const {
+    const BentDirection b = in_base(wi);
+    float d = b.density > 0 ? base_pdf(v.wo, b.w, p) * b.density : 0.0f;
+    if (p.coat > 0 && !coat_ggx.smooth() && wi.z > 0) {
+      const BentDirection c = in_coat(wi);
+      if (c.density > 0) d += p.coat * coat_ggx.reflected_pdf(v.coat_wo, normalize(v.coat_wo + c.w)) * c.density;
+    }
+    return d;
+  }
+  // Of all lobes but the coat's, in the base's frame.
+  DST_HD float base_pdf(Vec3 wo, Vec3 wi, const Lobes& p) const {
     const float even = fabsf(wi.z) * kInvPi;
     if (wi.z < 0) {
       float d = p.down * even;
@@ -200,31 +236,31 @@ struct Layers {
       return d;
     }
     float d = p.up * even + p.fuzz * Fuzz::pdf();
+    if (base.smooth()) return d;
     const Vec3 h = normalize(wo + wi);
-    if (p.coat > 0 && !coat_ggx.smooth()) d += p.coat * coat_ggx.reflected_pdf(wo, h);
-    if (!base.smooth()) d += p.facet * reflects(base.facet(dot(wo, h))) * base.ggx.reflected_pdf(wo, h);
-    return d;
+    return d + p.facet * reflects(base.facet(dot(wo, h))) * base.ggx.reflected_pdf(wo, h);
   }
-  DST_HD BsdfSample finish_sample(Vec3 wo, Vec3 wi, const View& v, const Lobes& p) const {
+  DST_HD BsdfSample finish_sample(Vec3 wi, const View& v, const Lobes& p) const {
     if (wi.z == 0) return {};
-    const float density = pdf(wo, wi, p);
+    const float density = pdf(v, wi, p);
     if (!(density > 0)) return {};
     const bool up = wi.z > 0;
-    return {wi, eval(wo, wi, v) / density, density, up ? kReflection : kTransmission,
-            up || base.thin ? 1.0f : base.eta};
+    return {wi, eval(wi, v) / density, density, up ? kReflection : kTransmission, up || base.thin ? 1.0f : base.eta};
   }
   // u_lobe, in [0, 1), decides between reflection and passing by their shares at the facet.
-  DST_HD DST_COLD BsdfSample sample_facet(Vec3 wo, const View& v, const Lobes& p, float u_lobe, Vec2 u) const {
+  DST_HD DST_COLD BsdfSample sample_facet(const View& v, const Lobes& p, float u_lobe, Vec2 u) const {
+    const Vec3 wo = v.wo;
     const Vec3 h = base.smooth() ? Vec3(0, 0, 1) : base.ggx.sample_visible(wo, u);
     const float c = dot(wo, h);
     if (c <= 0) return {};
     const Base::Facet f = base.facet(c);
     const float q = reflects(f);
     if (u_lobe < q) {
-      const Vec3 wi = base.smooth() ? Vec3(-wo.x, -wo.y, wo.z) : normalize(reflect(wo, h));
+      Vec3 wi = base.smooth() ? Vec3(-wo.x, -wo.y, wo.z) : normalize(reflect(wo, h));
       if (wi.z <= 0) return {};
-      if (!base.smooth()) return finish_sample(wo, wi, v, p);
-      return {wi, f.up * above_base(wo, wi, v) / (p.facet * q), 1, kReflection | kDelta};
+      wi = from_base(wi);
+      if (!base.smooth()) return finish_sample(wi, v, p);
+      return {wi, f.up * above_base(in_coat(wi).w, true, v) / (p.facet * q), 1, kReflection | kDelta};
     }
     const float cos_t = fresnel_dielectric(c, base.eta).cos_t;
     Vec3 wi = base.thin         ? reflect(wo, h) * Vec3(1, 1, -1)
@@ -232,9 +268,10 @@ struct Layers {
                                 : h * (c / base.eta - cos_t) - wo * (1.0f / base.eta);
     wi = normalize(wi);
     if (wi.z >= 0) return {};
-    if (!base.passes_delta()) return finish_sample(wo, wi, v, p);
+    wi = from_base(wi);
+    if (!base.passes_delta()) return finish_sample(wi, v, p);
     const float eta = base.thin ? 1.0f : base.eta;
-    const Vec3 weight = f.down * above_base(wo, wi, v) / (p.facet * (1.0f - q) * eta * eta);
+    const Vec3 weight = f.down * above_base(in_coat(wi).w, false, v) / (p.facet * (1.0f - q) * eta * eta);
     return {wi, weight, 1, kTransmission | kDelta, eta};
   }
 };

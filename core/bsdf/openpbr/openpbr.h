@@ -6,6 +6,9 @@
 
 namespace destello {
 
+// Ratios of indices of refraction are from this to 3: so far go the tables of albedos.
+inline constexpr float kLeastIor = 1.0f / 3;
+
 // What the scene takes from the parameters besides the BSDF: emission_*, geometry_opacity, and the interior (interior.h).
 struct OpenPbr {
   float base_weight = 1, base_diffuse_roughness = 0, base_metalness = 0;
@@ -26,6 +29,9 @@ struct OpenPbr {
   float thin_film_weight = 0, thin_film_thickness = 0.5f, thin_film_ior = 1.4f;
   float geometry_opacity = 1;
   uint32_t geometry_thin_walled = 0;
+  Vec3 geometry_coat_normal{0.5f, 0.5f, 1}, geometry_coat_tangent{1, 0.5f, 0.5f};
+  float geometry_coat_normal_scale = 1;
+  LayerNormals normals;    // set before prepare
   openpbr::Layers layers;  // set by prepare
 
   static constexpr const char* name = "openpbr";
@@ -49,7 +55,7 @@ struct OpenPbr {
              "stretches highlights along the tangent")
           .range(0, 1),
       scalar("specular_ior", &S::specular_ior, 1.5f, "index of refraction of the dielectric base, at 587.56 nm")
-          .range(1, 3)
+          .range(kLeastIor, 3)
           .constant(),
       scalar("transmission_weight", &S::transmission_weight, 0, "share of translucent base in the dielectric")
           .range(0, 1),
@@ -95,7 +101,7 @@ struct OpenPbr {
       scalar("coat_roughness_anisotropy", &S::coat_roughness_anisotropy, 0,
              "stretches the coat's highlights along the tangent")
           .range(0, 1),
-      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").range(1, 3).constant(),
+      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").range(kLeastIor, 3).constant(),
       scalar("coat_darkening", &S::coat_darkening, 1, "how far reflections inside the coat darken the base")
           .range(0, 1),
       scalar("fuzz_weight", &S::fuzz_weight, 0, "coverage of the fuzz").range(0, 1),
@@ -110,11 +116,25 @@ struct OpenPbr {
       scalar("thin_film_thickness", &S::thin_film_thickness, 0.5f, "thickness of the film").at_least(0).unit("um"),
       scalar("thin_film_ior", &S::thin_film_ior, 1.4f, "index of refraction of the film").range(1, 3),
       scalar("geometry_opacity", &S::geometry_opacity, 1, "share of the surface that is there").range(0, 1),
-      boolean("geometry_thin_walled", &S::geometry_thin_walled, false, "a sheet without an inside"));
+      boolean("geometry_thin_walled", &S::geometry_thin_walled, false, "a sheet without an inside"),
+      color("geometry_coat_normal", &S::geometry_coat_normal, Vec3(0.5f, 0.5f, 1),
+            "the coat's own normals, as in normal_map, which is the base's; by default the geometry's")
+          .range(0, 1),
+      scalar("geometry_coat_normal_scale", &S::geometry_coat_normal_scale, 1,
+             "strength of geometry_coat_normal: scales x and y")
+          .constant(),
+      color("geometry_coat_tangent", &S::geometry_coat_tangent, Vec3(1, 0.5f, 0.5f),
+            "direction of the coat's tangent, as in tangent_map, which is the base's")
+          .range(0, 1));
 
   DST_HD bool has_inside() const {
     const Shares s = shares();
     return !geometry_thin_walled && (s.through > 0 || s.below > 0);
+  }
+  // Does the coat ask for normals or tangents other than the geometry's?
+  DST_HD bool turns_coat() const {
+    const Vec3 n = geometry_coat_normal, t = geometry_coat_tangent;
+    return coat_weight > 0 && (n.x != 0.5f || n.y != 0.5f || t.y != 0.5f || t.x < 0.5f);
   }
   DST_HD bool needs_wavelength() const {
     return transmission_dispersion_scale > 0 && transmission_weight > 0 && !geometry_thin_walled;
@@ -140,6 +160,7 @@ struct OpenPbr {
     layers.coat_eta = clamp(coat_ior / context.outside_ior, 1.0f / 3, 3.0f);
     layers.coat_color = coat_color;
     layers.darkening = coat_darkening;
+    if (normals.apart || turns_coat()) lay(context.front);
     layers.finish();
   }
   DST_HD bool is_delta() const { return layers.only_delta(); }
@@ -160,6 +181,20 @@ struct OpenPbr {
                       seen(opaque * (1 - subsurface_weight))};
     const float scale = 1.0f / (s.metal + s.through + s.below + s.diffuse);
     return {s.metal * scale, s.through * scale, s.below * scale, s.diffuse * scale};
+  }
+  // Base and coat get frames of their own.
+  DST_HD DST_COLD void lay(bool front) {
+    layers.turned = true;
+    layers.base_frame = LayerFrame::make(normals.mapped, normals.mapped_tangent);
+    layers.coat_frame = LayerFrame::make(normals.normal, normals.tangent);
+    if (!(length_squared(normals.tangent) > 0) || !turns_coat()) return;
+    const Frame f = layers.coat_frame.frame;
+    const float up = normals.mirrored ? -1.0f : 1.0f, out = front ? 1.0f : -1.0f;  // a bump seen from behind is a dent
+    Vec3 n = 2 * geometry_coat_normal - Vec3(1), t = 2 * geometry_coat_tangent - Vec3(1);
+    n = f.to_world({n.x * geometry_coat_normal_scale * out, n.y * geometry_coat_normal_scale * up * out, n.z});
+    n = length_squared(n) > 0 ? normalize(n) : f.z;
+    t = f.x * t.x + f.y * (t.y * up);
+    layers.coat_frame = LayerFrame::make(kept_above(n, {0, 0, 1}), length_squared(t) > 0 ? t : f.x);
   }
   // alpha by roughness and anisotropy so that the mean of their squares stays (specification, "Microfacet model").
   DST_HD static Ggx ggx(float roughness, float anisotropy) {

@@ -26,6 +26,7 @@ EXTENSIONS = frozenset(
 TEXTURED = (  # extension, member: where textures may stand
     ("KHR_materials_clearcoat", "clearcoatTexture"),
     ("KHR_materials_clearcoat", "clearcoatRoughnessTexture"),
+    ("KHR_materials_clearcoat", "clearcoatNormalTexture"),
     ("KHR_materials_sheen", "sheenColorTexture"),
     ("KHR_materials_sheen", "sheenRoughnessTexture"),
     ("KHR_materials_iridescence", "iridescenceTexture"),
@@ -108,14 +109,22 @@ class Layers:
         if coat is None or factor == 0:
             return {}
         rough = coat.number("clearcoatRoughnessFactor", 0.0, low=0, high=1)
-        if "clearcoatNormalTexture" in coat:
-            self._note(f"{coat.place}: the clearcoat has the surface's normals; its own normal map is left out")
         return {
             "coat_weight": slot(factor, self._texture(coat, "clearcoatTexture", "linear")),
             "coat_roughness": slot(rough, self._texture(coat, "clearcoatRoughnessTexture", "linear"), channel="g"),
             "coat_ior": 1.5,
             "coat_darkening": 0.0,
+            **self._coat_normal(coat),
         }
+
+    def _coat_normal(self, coat: Item) -> dict[str, Value]:
+        """The coat's own normals; without them it has the geometry's, whatever the base's normal map."""
+        texture, info = self._texture(coat, "clearcoatNormalTexture", "linear"), coat.item("clearcoatNormalTexture")
+        if texture is None or info is None:
+            return {}
+        scale = info.number("scale", 1.0)
+        made: dict[str, Value] = {"geometry_coat_normal": texture}
+        return made if scale == 1.0 else made | {"geometry_coat_normal_scale": scale}
 
     def _fuzz(self) -> dict[str, Value]:
         sheen = self._item.extension("KHR_materials_sheen")

@@ -36,7 +36,7 @@ EXTENSIONS = frozenset(
     }
     | layers.EXTENSIONS
 )
-_TEXTURED = (  # extension, member: where textures may stand; the first present one chooses the uv set
+_TEXTURED = (  # extension, member: where textures may stand
     ("pbrMetallicRoughness", "baseColorTexture"),
     ("pbrMetallicRoughness", "metallicRoughnessTexture"),
     ("", "emissiveTexture"),
@@ -49,6 +49,10 @@ _TEXTURED = (  # extension, member: where textures may stand; the first present 
     (glossiness.EXTENSION, "specularGlossinessTexture"),
 )
 _LEAST_ATTENUATION = 1e-6
+_BY_TANGENTS = (  # with the normal map
+    ("KHR_materials_anisotropy", "anisotropyTexture"),
+    ("KHR_materials_clearcoat", "clearcoatNormalTexture"),
+)
 
 
 class Materials:
@@ -59,31 +63,47 @@ class Materials:
         self._variants = variants
         self._images = images
         self._notes = notes
-        self._made: dict[tuple[int, bool], Node] = {}
+        self._made: dict[tuple[int, bool, bool], Node] = {}
 
     def of(self, primitive: Item) -> Item | None:
         """The material of a primitive in the chosen variant; None: glTF's default."""
         return self._variants.material(primitive)
 
-    def node(self, item: Item | None, *, colored: bool) -> Node:
-        """The material (None: glTF's default); `colored`: vertex colours multiply its base colour."""
-        key = (-1 if item is None else item.index, colored)
+    def node(self, item: Item | None, *, colored: bool, second: bool = False) -> Node:
+        """The material (None: glTF's default).
+
+        `colored`: vertex colours multiply its base colour. `second`: the mesh has both sets of texture coordinates.
+        """
+        key = (-1 if item is None else item.index, colored, second)
         if key not in self._made:
             source = item if item is not None else Item({}, self.document.file)
+            self._images.second = self.uv_sets(item)[1] if second else None
             try:
                 self._made[key] = self._convert(source, colored)
             except Error as error:
                 raise error if error.file else error.within(source.place, file=source.file) from None
         return self._made[key]
 
-    def uv_set(self, item: Item | None) -> int | None:
-        """Which TEXCOORD_n the material's textures read, None if there are none. Only one can: base colour's first."""
+    def uv_sets(self, item: Item | None) -> tuple[int | None, int | None]:
+        """Which two TEXCOORD_n the material's textures read; None: no (other) one.
+
+        The first is that of what needs tangents, else of the base colour.
+        """
         if item is None:
-            return None
-        sets = [uv_set(info) for info in _texture_infos(item)]
-        if len(set(sets)) > 1:
-            self._note(f"{item.place}: its textures use several UV sets; all are read with TEXCOORD_{sets[0]}")
-        return sets[0] if sets else None
+            return None, None
+        bound = [item.item("normalTexture")]
+        for name, key in _BY_TANGENTS:
+            owner = item.extension(name)
+            bound.append(None if owner is None else owner.item(key))
+        sets = [uv_set(info) for info in (*bound, *_texture_infos(item)) if info is not None]
+        first = sets[0] if sets else None
+        others = sorted(set(sets) - {first})
+        if len(others) > 1:
+            self._note(
+                f"{item.place}: its textures use {len(others) + 1} UV sets; TEXCOORD_{first} stands for those "
+                f"after TEXCOORD_{others[0]}"
+            )
+        return first, others[0] if others else None
 
     def _note(self, text: str) -> None:
         if text not in self._notes:

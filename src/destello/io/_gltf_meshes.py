@@ -90,7 +90,7 @@ class Meshes:
         material = self._materials.of(primitive.item)
         arrays = {**primitive.data, "indices": primitive.triangles}
         try:
-            node = self._materials.node(material, colored="colors" in arrays)
+            node = self._materials.node(material, colored="colors" in arrays, second="second_uvs" in arrays)
             if {"normals", "uvs"} <= arrays.keys() and "tangents" not in arrays and depends_on_tangents(node):
                 arrays = with_tangents(arrays)
             return make.mesh(material=node, name=name, **arrays)
@@ -205,14 +205,23 @@ class Meshes:
             data["normals"] = self._vectors(primitive, "NORMAL", ("VEC3",), finite=False)
         if "TANGENT" in attributes and "NORMAL" in attributes:  # the specification ignores them on flat triangles
             data["tangents"] = self._vectors(primitive, "TANGENT", ("VEC4",))
-        wanted = self._materials.uv_set(self._materials.of(primitive.item))
-        key = f"TEXCOORD_{wanted or 0}"
-        if key in attributes:
-            data["uvs"] = self._vectors(primitive, key, ("VEC2",)) * _FLIP + _ONE
-        elif wanted is not None:
-            self._note(f"{attributes.place}: no {key}, which the material's textures need")
+        first, second = self._materials.uv_sets(self._materials.of(primitive.item))
+        self._add_uvs(primitive, "uvs", first or 0, wanted=first is not None)
+        if second is not None and "COLOR_0" in attributes:
+            self._note(
+                f"{attributes.place}: no room for TEXCOORD_{second} beside COLOR_0: TEXCOORD_{first} stands for it"
+            )
+        elif second is not None:
+            self._add_uvs(primitive, "second_uvs", second)
         if "COLOR_0" in attributes:
             data["colors"] = np.clip(self._vectors(primitive, "COLOR_0", ("VEC3", "VEC4")), 0, 1)
+
+    def _add_uvs(self, primitive: _Primitive, name: str, number: int, *, wanted: bool = True) -> None:
+        key = f"TEXCOORD_{number}"
+        if key in primitive.attributes:
+            primitive.data[name] = self._vectors(primitive, key, ("VEC2",)) * _FLIP + _ONE
+        elif wanted:
+            self._note(f"{primitive.attributes.place}: no {key}, which the material's textures need")
 
     def _mend_normals(self, primitive: _Primitive) -> None:
         data = primitive.data

@@ -42,6 +42,8 @@ class Textures:
         self._buffers = buffers
         self._notes = notes
         self._sources: dict[int, Node] = {}
+        self.second: int | None = None
+        """Which TEXCOORD_n is the second set of the mesh whose material is being made."""
 
     def image(self, info: Item, color_space: str) -> Node | None:
         """The texture that a textureInfo object names, or None (with a note) if its image is of no known kind.
@@ -55,7 +57,7 @@ class Textures:
             self._notes.append(f"{texture.place}: no image that can be read; its factor alone is used")
             return None
         source = self._source(image)
-        settings = {**self._sampler(texture), **_uv_transform(info)}
+        settings = {**self._sampler(texture), **self._place(info)}
         try:
             return source.replace(
                 color_space=color_space, missing_channels="fill", name=self._name(texture, image), **settings
@@ -78,8 +80,12 @@ class Textures:
                 values /= np.float32(np.iinfo(texels.dtype).max)
             values = np.clip(offset + scale * _channel(values, channel), 0, 1)
             self._remapped[key] = make.image(np.rint(values * 65535).astype(np.uint16))
-        settings = {**self._sampler(texture), **_uv_transform(info)}
+        settings = {**self._sampler(texture), **self._place(info)}
         return self._remapped[key].replace(color_space="linear", name=self._name(texture, image), **settings)
+
+    def _place(self, info: Item) -> dict[str, object]:
+        second = {"uv_set": "second"} if self.second is not None and uv_set(info) == self.second else {}
+        return {**_uv_transform(info), **second}
 
     def _texels(self, image: Item) -> NDArray[Any] | None:
         """An image's texels; None if its file is missing."""
