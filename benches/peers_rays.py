@@ -85,7 +85,7 @@ class Embreex:
 def make(peer: str, scene: Scene, cuda: bool) -> Tracer:
     """The tracer that `peers.py` calls `peer`."""
     if peer.startswith("destello"):
-        return Destello(scene, "cuda:0" if cuda else "simd", 0 if cuda or peer == "destello rays" else 1)
+        return Destello(scene, "cuda:0" if cuda else "auto", 0 if cuda or peer == "destello rays" else 1)
     positions, triangles = triangles_of(scene)
     if peer == "embreex":
         return Embreex(positions, triangles)

@@ -173,7 +173,8 @@ def main() -> int:
     parser.add_argument("--size", type=lambda text: [int(n) for n in text.split("x")], default=[1280, 720], help=size)
     parser.add_argument("--spp", type=int, default=1, help="camera rays a pixel (1); a GPU needs more to be busy")
     parser.add_argument("--ao", type=float, default=0.5, help="length of ambient occlusion's rays in metres (0.5)")
-    parser.add_argument("--method", default="simd", help="of the CPU: simd, packet, stream, baseline (simd)")
+    methods = "of the CPU: auto, simd (one by one), stream (in turns), packet, baseline (auto)"
+    parser.add_argument("--method", default="auto", help=methods)
     parser.add_argument("--build", default="balanced", help="quality of the tree: fast, balanced, high (balanced)")
     parser.add_argument("--repeat", type=int, default=5)
     args = parser.parse_args()

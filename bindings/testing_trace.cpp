@@ -11,6 +11,7 @@
 #include "accel/sphere_tree.h"
 #include "accel/traversal.h"
 #include "accel/traverse_host.h"
+#include "accel/traverse_stream.h"
 #include "backend/backend.h"
 #include "backend/cpu_kernel.h"
 #include "base/parallel.h"
@@ -121,7 +122,12 @@ struct HostMethod {
   DstTraceRays* trace;
   int how;
 };
-std::optional<HostMethod> host_method(const std::string& name, bool any) {
+std::optional<HostMethod> host_method(const Scene& scene, const std::string& name, bool any) {
+  if (name == "auto") {
+    const bool large = scene.arrays().host.size() * sizeof(HostUnit) >= kStreamBytes;
+    return HostMethod{cpu_kernels().trace_rays, (large ? 6 : 0) + (any ? 1 : 0)};
+  }
+  if (name == "chunks") return HostMethod{cpu_kernels().trace_rays, any ? 7 : 6};  // as auto, in small scenes too
   if (name == "simd") return HostMethod{cpu_kernels().trace_rays, any ? 1 : 0};
   if (name == "packet") return HostMethod{cpu_kernels().trace_rays, any ? 5 : 2};
   if (name == "stream") return HostMethod{cpu_kernels().trace_rays, any ? 4 : 3};
@@ -132,7 +138,7 @@ std::optional<HostMethod> host_method(const std::string& name, bool any) {
 std::vector<Hit> run_method(const Scene& scene, const std::string& method, const std::vector<Ray>& rays, bool any) {
   const GeometryView& g = scene.view().geometry;
   std::vector<Hit> hits(rays.size());
-  if (const std::optional<HostMethod> host = host_method(method, any)) {
+  if (const std::optional<HostMethod> host = host_method(scene, method, any)) {
     host->trace(&g, rays.data(), hits.data(), rays.size(), host->how);
     return hits;
   }
@@ -149,7 +155,9 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
   const bool brute = method == "brute";
   if (!brute && method != "groups")
     throw std::invalid_argument(
-        "method: expected simd, packet, stream, baseline, groups, special, brute or, in a build with CUDA, cuda:0");
+        "method: expected auto, chunks, simd, packet, stream, baseline, groups, special, brute or, in a build with "
+        "CUDA, "
+        "cuda:0");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;
@@ -176,9 +184,10 @@ std::vector<double> time_rays(const Scene& scene, const Rows& origins, const Row
 #if defined(DST_HAS_CUDA)
   if (method.starts_with("cuda:")) return trace_rays_cuda(scene, std::stoi(method.substr(5)), rays, any, repeat, &hits);
 #endif
-  const std::optional<HostMethod> host = host_method(method, any);
+  const std::optional<HostMethod> host = host_method(scene, method, any);
   if (!host)
-    throw std::invalid_argument("method: expected simd, packet, stream, baseline or, in a build with CUDA, cuda:0");
+    throw std::invalid_argument(
+        "method: expected auto, chunks, simd, packet, stream, baseline or, in a build with CUDA, cuda:0");
   std::vector<double> seconds;
   for (uint32_t i = 0; i < repeat; ++i) {
     const auto start = std::chrono::steady_clock::now();
@@ -188,6 +197,18 @@ std::vector<double> time_rays(const Scene& scene, const Rows& origins, const Row
     seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
   return seconds;
+}
+
+// For each chunk of rays from these origins, whether they count as scattered.
+std::vector<bool> scattered_chunks(const Scene& scene, const Rows& origins) {
+  need_columns(origins, 3);
+  std::vector<Ray> rays(origins.shape(0));
+  for (size_t i = 0; i < rays.size(); ++i) rays[i].origin = row3(origins, i);
+  const Bounds bounds = root_bounds(scene.view().geometry.nodes[0]);
+  std::vector<bool> found;
+  for (size_t i = 0; i < rays.size(); i += kStreamChunk)
+    found.push_back(are_scattered(bounds, rays.data() + i, std::min<size_t>(kStreamChunk, rays.size() - i)));
+  return found;
 }
 
 nb::dict trace_rays(const Scene& scene, const std::string& method, const Rows& origins, const Rows& directions,
@@ -364,6 +385,7 @@ void register_testing_trace(nb::module_& m) {
   m.def("cpu_isa", [] { return std::string(cpu_kernels().isa); });
   m.def("trace", &trace_rays, nb::arg("scene"), nb::arg("method"), nb::arg("origins"), nb::arg("directions"),
         nb::arg("t_max"), nb::arg("time"), nb::arg("any"));
+  m.def("scattered_chunks", &scattered_chunks, nb::arg("scene"), nb::arg("origins"));
   m.def("time_rays", &time_rays, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("t_max"),
         nb::arg("any"), nb::arg("method"), nb::arg("threads"), nb::arg("repeat"));
   m.def("surfaces", &surfaces, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("time"),

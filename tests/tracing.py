@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from destello import _core
 
-METHODS = ("simd", "packet", "stream", "baseline", "groups", "special", "brute")
-TREES = METHODS[:6]
+METHODS = ("simd", "auto", "packet", "stream", "chunks", "baseline", "groups", "special", "brute")
+TREES = METHODS[:8]
 Floats = NDArray[np.float32]
 
 

@@ -1,8 +1,9 @@
 // Traversal of a row of rays in turns: while one waits for memory, others go on. Faster than one by one where neighbours in
-// the row go different ways through a large scene, slower where they do not (benches/LOG.md). The same hits as
-// traverse_host.
+// the row go different ways through a large scene, slower where they do not (benches/LOG.md); hence a rule for when. The same
+// hits as traverse_host.
 #pragma once
 
+#include "accel/bounds.h"
 #include "accel/traverse_host.h"
 
 namespace destello {
@@ -88,17 +89,74 @@ class RayStream {
   HostEntry stack_[kTraversalStack * 8];
 };
 
-// The nearest hits of n rays (kAny: any hits).
+// The nearest hits of n rays (kAny: any hits), one by one.
+template <bool kAny>
+inline void traverse_each(const GeometryView& g, const Ray* rays, Hit* hits, uint64_t n) {
+  for (uint64_t i = 0; i < n; ++i) {
+    hits[i] = Hit{};
+    hits[i].t = rays[i].t_max;
+    traverse_host<kAny>(g, rays[i], hits + i);
+  }
+}
+
+// The same, in turns.
 template <bool kAny>
 inline void traverse_stream(const GeometryView& g, const Ray* rays, Hit* hits, uint64_t n) {
   if (g.has_instances == 0 && g.only_blocks == 0) {
     if (g.blocks_of_node == nullptr) return RayStream<kAny, false>::run(g, rays, hits, n);
     return RayStream<kAny, true>::run(g, rays, hits, n);
   }
-  for (uint64_t i = 0; i < n; ++i) {
-    hits[i] = Hit{};
-    hits[i].t = rays[i].t_max;
-    traverse_host<kAny>(g, rays[i], hits + i);
+  traverse_each<kAny>(g, rays, hits, n);
+}
+
+// Rays of one decision: few enough that a list of several kinds gets each its own, enough that starting and ending cost nothing.
+inline constexpr uint64_t kStreamChunk = 4096;
+// How much memory the host's tree takes, at the least, where rays in turns pay: smaller ones stay in the cache.
+inline constexpr uint64_t kStreamBytes = uint64_t{16} << 20;
+
+// The box of all that is in the tree, up to its quantum.
+inline Bounds root_bounds(const Node8& root) {
+  Bounds b;
+  for (uint32_t s = 0; s < 8; ++s) {
+    if (!root.is_used(s)) continue;
+    float lo[3], hi[3];
+    for (int k = 0; k < 3; ++k) {
+      const float step = bits_to_float(static_cast<uint32_t>(root.exponent[k]) << 23);
+      lo[k] = root.origin[k] + step * static_cast<float>(root.lo[k][s]);
+      hi[k] = root.origin[k] + step * static_cast<float>(root.hi[k][s]);
+    }
+    b.grow({{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}});
+  }
+  return b;
+}
+
+// Whether rays start all over the scene, each far from the one before, by 32 pairs of neighbours: the box around these origins has
+// at least a quarter of the surface of the scene's, and a step from one to the next is in the mean a sixteenth of the scene long.
+inline bool are_scattered(const Bounds& scene, const Ray* rays, uint64_t n) {
+  constexpr uint64_t kPairs = 32;
+  if (n < 2 * kPairs) return false;
+  Bounds box;
+  Vec3 steps;
+  for (uint64_t k = 0; k < kPairs; ++k) {
+    const Ray* const pair = rays + k * (n - 2) / (kPairs - 1);
+    box.grow(pair[0].origin), box.grow(pair[1].origin);
+    steps += abs(pair[1].origin - pair[0].origin);
+  }
+  return box.half_area() >= 0.25f * scene.half_area() &&
+         max_component(steps) >= (static_cast<float>(kPairs) / 16) * max_component(scene.extent());
+}
+
+// Each chunk by traverse_stream if its rays are scattered, else one by one.
+template <bool kAny>
+inline void traverse_chunks(const GeometryView& g, const Ray* rays, Hit* hits, uint64_t n) {
+  const Bounds scene = root_bounds(g.nodes[0]);
+  for (uint64_t first = 0; first < n; first += kStreamChunk) {
+    const uint64_t count = n - first < kStreamChunk ? n - first : kStreamChunk;
+    if (are_scattered(scene, rays + first, count)) {
+      traverse_stream<kAny>(g, rays + first, hits + first, count);
+    } else {
+      traverse_each<kAny>(g, rays + first, hits + first, count);
+    }
   }
 }
 

@@ -203,13 +203,8 @@ extern "C" void DST_KERNEL(dst_trace_rays)(const void* geometry, const void* ray
   }
   if (how == 3) return traverse_stream<false>(g, rays, hits, n);
   if (how == 4) return traverse_stream<true>(g, rays, hits, n);
-  for (uint64_t i = 0; i < n; ++i) {
-    hits[i] = Hit{};
-    hits[i].t = rays[i].t_max;
-    if (how == 1 || how == 5) {
-      traverse_host<true>(g, rays[i], &hits[i]);
-    } else {
-      traverse_host<false>(g, rays[i], &hits[i]);
-    }
-  }
+  if (how == 6) return traverse_chunks<false>(g, rays, hits, n);
+  if (how == 7) return traverse_chunks<true>(g, rays, hits, n);
+  if (how == 1 || how == 5) return traverse_each<true>(g, rays, hits, n);
+  traverse_each<false>(g, rays, hits, n);
 }

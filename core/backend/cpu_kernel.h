@@ -14,7 +14,7 @@ using DstRenderTile = void(const void* scene, const void* task, const void* film
                            const std::atomic<bool>* cancel, uint64_t* counts);
 // Traces n rays (destello::Ray) into hits (destello::Hit). geometry: GeometryView. how: 0 nearest hits, 1 any hits, 2
 // nearest hits of rays that go in packets; 3 and 4 as 0 and 1, of rays in turns (traverse_stream.h); 5 any hits of rays in
-// packets (of hits, only whether there is one).
+// packets (of hits, only whether there is one); 6 and 7 as 0 and 1, in turns where they are scattered (the same file).
 using DstTraceRays = void(const void* geometry, const void* rays, void* hits, uint64_t n, int how);
 
 DstRenderTile dst_render_tile_baseline, dst_render_tile_avx2, dst_render_tile_avx512;

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from destello import _core
 from tracing import (
     METHODS,
     TREES,
@@ -72,6 +73,36 @@ def test_a_few_triangles_without_a_tree(rng, n):
         np.testing.assert_array_equal(getattr(packet, name), getattr(one, name), name)
     some = trace(scene, **rays, method="packet", any_hit=True)
     np.testing.assert_array_equal(some.found, one.found)
+
+
+def test_scattered_rays_go_in_turns_and_find_the_same_bits(rng):
+    """The choice between one by one and in turns, chunk by chunk: it changes no bit, and is what the rule says."""
+    p, t = icosphere(6)
+    scene = Geometry().mesh(p, t).build()
+    n, chunk = 3 * 4096 + 777, 4096  # the last chunk is not full
+    line = np.linspace(0, 1, n)[:, None]
+    on_a_line = (line * 2 - 1) * (0.5, 0.4, 0.3)
+    anywhere = rng.uniform(-1, 1, (n, 3))
+    directions = sphere_directions(rng, n)
+    lists = {
+        "scattered": (anywhere, [True] * 4),
+        "close to each other": (on_a_line, [False] * 4),
+        "in a corner": (0.2 * anywhere + 0.7, [False] * 4),
+        "from one place": (np.zeros((n, 3)), [False] * 4),
+        "some of them": (np.where(np.arange(n)[:, None] // chunk % 2, anywhere, on_a_line), [False, True, False, True]),
+        "all over, in order": (anywhere[np.lexsort(np.floor(anywhere * 6).T)], [False] * 4),
+    }
+    for name, (origins, expected) in lists.items():
+        rays = {"origins": f32(origins), "directions": directions, "t_max": rng.uniform(0.2, 3, n)}
+        assert _core.testing.scattered_chunks(scene, rays["origins"]) == expected, name
+        one = trace(scene, **rays)
+        assert 0.05 < one.found.mean() < 1, name
+        for method in ("chunks", "auto"):
+            chosen = trace(scene, **rays, method=method)
+            for field in ("t", "u", "v", "leaf", "instance"):
+                np.testing.assert_array_equal(getattr(chosen, field), getattr(one, field), f"{name}: {method}, {field}")
+            some = trace(scene, **rays, method=method, any_hit=True)
+            np.testing.assert_array_equal(some.found, one.found, f"{name}: {method}")
 
 
 @pytest.mark.cuda
