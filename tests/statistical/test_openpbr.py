@@ -22,12 +22,17 @@ WHITE = dict.fromkeys(("base_color", "subsurface_color"), 1.0)
 DRAWS = settings(max_examples=1000, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 """A thousand draws for each property, the same ones in every run."""
 
-# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed.
-unit = st.integers(0, 10_000).map(lambda i: i / 10_000)
+
+# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed. Drawn evenly, by
+# seeds of Hypothesis': its own integers are mostly small.
+def even(first: int, last: int, steps: int) -> st.SearchStrategy[float]:
+    return st.randoms(use_true_random=True).map(lambda r: r.randint(first, last) / steps)
+
+
+unit = even(0, 10_000, 10_000)
 tiny = st.sampled_from([1e-45, 1e-39, 4e-34, 1e-20, 1e-9, 1e-6, 9e-6, 1.1e-5, 1 - 2e-5, 1 - 1e-6, 1 - 2**-24])
 share = st.one_of(st.sampled_from([0.0, 1.0]), unit, tiny)
-index = st.integers(1000, 3000).map(lambda i: i / 1000)
-any_index = st.integers(334, 3000).map(lambda i: i / 1000)
+index, any_index = even(1000, 3000, 1000), even(334, 3000, 1000)
 colour = st.tuples(unit, unit, unit)
 
 BASE = {
@@ -38,7 +43,7 @@ BASE = {
     "specular_ior": any_index,
     "transmission_weight": share,
     "subsurface_weight": share,
-    "subsurface_scatter_anisotropy": st.integers(-9, 9).map(lambda i: i / 10),
+    "subsurface_scatter_anisotropy": even(-9, 9, 10),
     "geometry_thin_walled": st.booleans(),
 }
 TOP = {
@@ -50,7 +55,7 @@ TOP = {
     "fuzz_roughness": unit,
 }
 COLOURS = {f"{lobe}_color": colour for lobe in ("base", "specular", "transmission", "subsurface", "coat", "fuzz")}
-stretch = st.just(0.0) | st.integers(0, 100).map(lambda i: i / 100)
+stretch = st.just(0.0) | even(0, 100, 100)
 ANISOTROPY = {f"{lobe}_roughness_anisotropy": stretch for lobe in ("specular", "coat")}
 MORE = ANISOTROPY | {
     "base_weight": unit,
@@ -59,13 +64,13 @@ MORE = ANISOTROPY | {
     "thin_film_ior": index,
 }
 COAT = {
-    "geometry_coat_normal": st.tuples(unit, unit, st.integers(5000, 10_000).map(lambda i: i / 10_000)),
+    "geometry_coat_normal": st.tuples(unit, unit, even(5000, 10_000, 10_000)),
     "geometry_coat_normal_scale": unit,
 }
 angle = st.integers(0, 80)
 tilts = st.none() | st.tuples(angle, unit, angle, unit)
 """How the surface leans below a base whose normals a map has turned: see `Case.tilt`."""
-views = st.tuples(st.integers(5, 100).map(lambda i: i / 100), unit)
+views = st.tuples(even(5, 100, 100), unit)
 
 
 def draws(*groups: dict[str, st.SearchStrategy[Any]]) -> st.SearchStrategy[dict[str, Any]]:
