@@ -23,8 +23,8 @@ DRAWS = settings(max_examples=1000, derandomize=True, deadline=None, suppress_he
 """A thousand draws for each property, the same ones in every run."""
 
 
-# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed. Drawn evenly, by
-# seeds of Hypothesis': its own integers are mostly small.
+# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed. Drawn evenly,
+# by seeds of Hypothesis': its own integers are mostly small.
 def even(first: int, last: int, steps: int) -> st.SearchStrategy[float]:
     return st.randoms(use_true_random=True).map(lambda r: r.randint(first, last) / steps)
 
