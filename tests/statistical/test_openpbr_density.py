@@ -49,7 +49,13 @@ def steps(lo: float, hi: float) -> st.SearchStrategy[float]:
 LIMITS = {
     "specular_ior": (1.8, 3.0), "specular_weight": (0.6, 2.0), "coat_ior": (1.0, 3.0),
     "specular_roughness_anisotropy": (0.0, 0.4), "coat_roughness_anisotropy": (0.0, 0.4),
+    "geometry_coat_normal_scale": (0.0, 1.0),
 }  # fmt: skip
+MAPPED = {
+    "geometry_coat_normal": st.tuples(steps(0, 1), steps(0, 1), steps(0.5, 1)),
+    "geometry_coat_tangent": st.tuples(steps(0, 1), steps(0, 1), st.just(0.5)),
+}
+"""What maps say: normals on the outside, tangents along the surface."""
 
 
 def parameters() -> st.SearchStrategy[dict[str, Any]]:
@@ -57,8 +63,9 @@ def parameters() -> st.SearchStrategy[dict[str, Any]]:
     drawn: dict[str, st.SearchStrategy[Any]] = {}
     for p in testing.bsdf_params("openpbr"):
         name = p["name"]
-        if name.startswith("geometry_coat"):
-            continue  # the coat's own normal: `test_coat_normals.py`
+        if name in MAPPED:
+            drawn[name] = MAPPED[name]
+            continue
         lo, hi = LIMITS.get(name, (max(p["min"], -4.0), min(p["max"], 4.0)))
         if p["kind"] == "bool":
             drawn[name] = st.booleans()
