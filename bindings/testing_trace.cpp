@@ -156,8 +156,7 @@ std::vector<Hit> run_method(const Scene& scene, const std::string& method, const
   if (!brute && method != "groups")
     throw std::invalid_argument(
         "method: expected auto, chunks, simd, packet, stream, baseline, groups, special, brute or, in a build with "
-        "CUDA, "
-        "cuda:0");
+        "CUDA, cuda:0");
   const BruteForce everything(scene);
   for (size_t i = 0; i < rays.size(); ++i) {
     hits[i].t = rays[i].t_max;
@@ -340,7 +339,8 @@ Bounds leaf_bounds(const GeometryView& g, const LeafPrimitive& p) {
 
 // The trees as arrays. Child s of node i is row 8 i + s: `count` is -1 for no child, 0 for node `index`, else the number of
 // leaves from `index` on; lo and hi bound it. Leaves: leaf_lo and leaf_hi over the shutter (infinite the wrong way round
-// for an instance), leaf_instance (-1: none) and instance_lo, instance_hi, the box that it is entered by. `roots`: of the world, then of each instance.
+// for an instance), leaf_instance (-1: none) and instance_lo, instance_hi, the box that it is entered by. `roots`: of the
+// world, then of each instance.
 nb::dict tree(const Scene& scene) {
   const SceneArrays& a = scene.arrays();
   const size_t n = a.nodes.size() * 8;

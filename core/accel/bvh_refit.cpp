@@ -25,13 +25,7 @@ float relative_surface(const std::vector<Node8>& nodes, uint32_t root) {
     Bounds all;
     for (uint32_t s = 0; s < 8; ++s) {
       if (!node.is_used(s)) continue;
-      const auto plane = [&](const uint8_t (&bytes)[3][8], int k) {
-        const float step = bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23);
-        return node.origin[k] + step * static_cast<float>(bytes[k][s]);
-      };
-      Bounds box;
-      box.grow(Vec3(plane(node.lo, 0), plane(node.lo, 1), plane(node.lo, 2)));
-      box.grow(Vec3(plane(node.hi, 0), plane(node.hi, 1), plane(node.hi, 2)));
+      const Bounds box = child_box(node, s);
       all.grow(box);
       sum += static_cast<double>(box.half_area());
     }

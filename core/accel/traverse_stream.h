@@ -3,8 +3,8 @@
 // hits as traverse_host.
 #pragma once
 
-#include "accel/bounds.h"
 #include "accel/traverse_host.h"
+#include "accel/wide_node.h"
 
 namespace destello {
 
@@ -117,16 +117,8 @@ inline constexpr uint64_t kStreamBytes = uint64_t{16} << 20;
 // The box of all that is in the tree, up to its quantum.
 inline Bounds root_bounds(const Node8& root) {
   Bounds b;
-  for (uint32_t s = 0; s < 8; ++s) {
-    if (!root.is_used(s)) continue;
-    float lo[3], hi[3];
-    for (int k = 0; k < 3; ++k) {
-      const float step = bits_to_float(static_cast<uint32_t>(root.exponent[k]) << 23);
-      lo[k] = root.origin[k] + step * static_cast<float>(root.lo[k][s]);
-      hi[k] = root.origin[k] + step * static_cast<float>(root.hi[k][s]);
-    }
-    b.grow({{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}});
-  }
+  for (uint32_t s = 0; s < 8; ++s)
+    if (root.is_used(s)) b.grow(child_box(root, s));
   return b;
 }
 

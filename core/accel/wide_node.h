@@ -126,6 +126,16 @@ struct NodeGrid {
   DST_HD static uint8_t plane(float x) { return static_cast<uint8_t>(clamp(x, 0.0f, 255.0f)); }
 };
 
+// The box of the child in that slot, as the node keeps it. For the host.
+inline Bounds child_box(const Node8& node, uint32_t slot) {
+  const auto plane = [&](const uint8_t (&bytes)[3][8], int k) {
+    const float step = bits_to_float(static_cast<uint32_t>(node.exponent[k]) << 23);
+    return node.origin[k] + step * static_cast<float>(bytes[k][slot]);
+  };
+  return {{plane(node.lo, 0), plane(node.lo, 1), plane(node.lo, 2)},
+          {plane(node.hi, 0), plane(node.hi, 1), plane(node.hi, 2)}};
+}
+
 // The child's part of Node8::children; it is not empty.
 DST_FN uint32_t child_bits(const Subtree& child, uint32_t slot) {
   return child.is_inner() ? 1u << (24 + slot) : ((1u << child.count) - 1) << (3 * slot);
