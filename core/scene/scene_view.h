@@ -25,6 +25,7 @@ enum MaterialFlag : uint32_t {
   kIsMix = 128,
   kOpaqueToShadows = 256,  // blocks shadow rays for sure
   kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
+  kIsLambert = 2048,       // one colour of Diffuse without roughness, and nothing else
   kHasCoat = 1024,         // a layer on top that does not take part in the maps that turn the base's frame
 };
 
