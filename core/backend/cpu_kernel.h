@@ -24,7 +24,7 @@ DstTraceRays dst_trace_rays_baseline, dst_trace_rays_avx2, dst_trace_rays_avx512
 namespace destello {
 
 // Paths that a thread follows side by side.
-inline constexpr uint32_t kCpuBatch = 64;
+inline constexpr uint32_t kCpuBatch = 128;
 
 // The build of the kernels that fits this processor.
 struct CpuKernels {

@@ -1,7 +1,7 @@
 // Arrays for loops over the paths of a batch that the compiler turns into vector code: members side by side in memory.
 #pragma once
 
-#include "base/vec.h"
+#include "base/transform.h"
 
 namespace destello {
 
@@ -38,6 +38,21 @@ struct Vec3Array {
 
   DST_HOT Vec3 operator[](uint32_t i) const { return {x[i], y[i], z[i]}; }
   DST_HOT void set(uint32_t i, Vec3 v) { x[i] = v.x, y[i] = v.y, z[i] = v.z; }
+};
+
+template <uint32_t kCount>
+struct TransformArray {
+  FloatArray<kCount> m[3][4];
+
+  DST_HOT Transform operator[](uint32_t i) const {
+    return {{{m[0][0][i], m[0][1][i], m[0][2][i], m[0][3][i]},
+             {m[1][0][i], m[1][1][i], m[1][2][i], m[1][3][i]},
+             {m[2][0][i], m[2][1][i], m[2][2][i], m[2][3][i]}}};
+  }
+  void set(uint32_t i, const Transform& t) {
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 4; ++c) m[r][c][i] = t.m[r][c];
+  }
 };
 
 }  // namespace destello
