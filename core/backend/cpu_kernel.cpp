@@ -177,40 +177,50 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
   batch->size = 0;
 }
 
+// False if cancelled.
 template <class Tracer>
-void render_tile(const SceneView& scene, const RenderTask& task, const FilmView& film, const uint32_t* rect,
-                 const std::atomic<bool>& cancel, uint64_t* counts) {
-  Batch batch;
+bool render_tile(const SceneView& scene, const RenderTask& task, const FilmView& film, const uint32_t* rect,
+                 const std::atomic<bool>& cancel, Batch* batch, uint64_t* counts) {
   for (uint32_t y = rect[1]; y < rect[3]; ++y) {
     for (uint32_t x = rect[0]; x < rect[2]; ++x) {
       for (uint32_t s = task.first_sample; s < task.last_sample; ++s) {
-        const uint32_t i = batch.size++;
-        batch.camera.x[i] = x;
-        batch.camera.y[i] = y;
-        batch.camera.sample[i] = s;
-        if (batch.size < kBatch) continue;
-        if (cancel.load(std::memory_order_relaxed)) return;
-        finish_batch<Tracer>(scene, task, film, &batch, counts);
+        const uint32_t i = batch->size++;
+        batch->camera.x[i] = x;
+        batch->camera.y[i] = y;
+        batch->camera.sample[i] = s;
+        if (batch->size < kBatch) continue;
+        if (cancel.load(std::memory_order_relaxed)) return false;
+        finish_batch<Tracer>(scene, task, film, batch, counts);
       }
     }
   }
-  finish_batch<Tracer>(scene, task, film, &batch, counts);
+  finish_batch<Tracer>(scene, task, film, batch, counts);
+  return true;
+}
+
+template <class Tracer>
+void render_tiles(const SceneView& scene, const RenderTask& task, const FilmView& film, DstNextTile* next,
+                  void* context, const std::atomic<bool>& cancel, uint64_t* counts) {
+  Batch batch;
+  counts[3] = sizeof(Batch) / kBatch;
+  for (uint32_t rect[4]; next(context, rect);)
+    if (!render_tile<Tracer>(scene, task, film, rect, cancel, &batch, counts)) return;
 }
 
 }  // namespace
 }  // namespace destello
 
-extern "C" void DST_KERNEL(dst_render_tile)(const void* scene_pointer, const void* task_pointer,
-                                            const void* film_pointer, const uint32_t* rect,
-                                            const std::atomic<bool>* cancel, uint64_t* counts) {
+extern "C" void DST_KERNEL(dst_render_tiles)(const void* scene_pointer, const void* task_pointer,
+                                             const void* film_pointer, DstNextTile* next, void* context,
+                                             const std::atomic<bool>* cancel, uint64_t* counts) {
   using namespace destello;
   const SceneView& scene = *static_cast<const SceneView*>(scene_pointer);
   const RenderTask& task = *static_cast<const RenderTask*>(task_pointer);
   const FilmView& film = *static_cast<const FilmView*>(film_pointer);
   if (scene.simple) {
-    render_tile<HostTracer<true>>(scene, task, film, rect, *cancel, counts);
+    render_tiles<HostTracer<true>>(scene, task, film, next, context, *cancel, counts);
   } else {
-    render_tile<HostTracer<false>>(scene, task, film, rect, *cancel, counts);
+    render_tiles<HostTracer<false>>(scene, task, film, next, context, *cancel, counts);
   }
 }
 

@@ -152,8 +152,8 @@ class LambertBatch {
       const bool mine = is_placed_[j] != 0;
       const Transform world = world_[j], local = local_[j];
       const Vec3 before = p_[j], p = world.point(before), own = error_[j], ng = ng_[j], ns = ns_[j];
-      const Vec3 error = world.carried_error(own) + world.point_error(abs(before)) +
-                         world.carried_error(local.point_error(abs(p)));
+      const Vec3 error =
+          world.carried_error(own) + world.point_error(abs(before)) + world.carried_error(local.point_error(abs(p)));
       p_.set(j, choose(mine, p, before));
       error_.set(j, choose(mine, error, own));
       ng_.set(j, choose(mine, normalize(local.transposed_vector(ng)), ng));
