@@ -112,6 +112,7 @@ class QueueBlock {
  private:
   struct Tracer {
     static constexpr bool kSimple = kKind != SceneKind::Any, kTextured = kKind != SceneKind::Plain;
+    static constexpr LeafKind kLeafKind = kLeaves;
     using Materials = std::conditional_t<kKind == SceneKind::Plain, PlainMaterials, MaterialsOf<kSimple>>;
   };
   using Layout = QueueLayout<kShadows, kLeaves, kArchitecture>;

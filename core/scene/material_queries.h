@@ -54,6 +54,19 @@ struct BumpStep {
   }
 };
 
+// True if some lobe is stretched along the tangent.
+struct HasDirection {
+  const Slot* slots;
+  template <class T>
+  bool operator()() const {
+    for (size_t i = 0; i < T::params.size(); ++i) {
+      const std::string_view name = T::params[i].name;
+      if ((name == "anisotropy" || name.ends_with("roughness_anisotropy")) && slots[i].value.x != 0) return true;
+    }
+    return false;
+  }
+};
+
 // True if the material has delta lobes only, wherever it is. Textured parameters make it false.
 struct IsDeltaOnly {
   const Slot* slots;

@@ -80,6 +80,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   const bool turned = rotation.value.x != 0 || tangent.value.x != 1 || tangent.value.y != 0.5f;
   if (!(normal_map.is_constant() && bump.is_constant() && tangent.is_constant() && rotation.is_constant()) || turned)
     m.flags |= kHasDetail | kNeedsUv;
+  if (dispatch(Materials{}, type, HasDirection{slots.data()})) m.flags |= kNeedsUv;
   if (!bump.is_constant()) m.bump_step = bump_step(bump);
   if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {

@@ -22,7 +22,7 @@ enum MaterialFlag : uint32_t {
   kHasDetail = 8,     // a normal, bump or tangent map turns its shading frame, or its coat's
   kIsBoundary = 16,   // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
   kIsInterface = 32,  // no surface at all, only a boundary
-  kNeedsUv = 64,      // some texture wants texture coordinates
+  kNeedsUv = 64,      // some texture wants texture coordinates or a vertex colour, or some lobe a tangent
   kIsMix = 128,
   kOpaqueToShadows = 256,  // blocks shadow rays for sure
   kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
@@ -95,6 +95,12 @@ struct ObjectRecord {
 struct AreaLight {
   uint32_t leaf = 0;
   uint32_t instance = kNoIndex;
+
+  // Where the scene's leaves are of that kind.
+  template <LeafKind kLeaves>
+  DST_HD bool is_placed() const {
+    return kLeaves == LeafKind::Any && instance != kNoIndex;
+  }
 };
 
 // Lights in one row: punctual, then area, then the environment.
