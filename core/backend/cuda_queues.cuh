@@ -47,7 +47,7 @@ struct QueueState {
 // kShadows: lights are sampled.
 template <bool kShadows, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kHopper = kShadows ? 112 : kLeaves == LeafKind::Spheres ? 97 : 80;
+  static constexpr size_t kHopper = kShadows ? 112 : kLeaves == LeafKind::Spheres ? 105 : 80;
   static constexpr size_t kBudget = 1024 * (kArchitecture >= 900 ? kHopper : kArchitecture >= 800 ? 80 : 31);
   static constexpr size_t kSlotBytes = sizeof(uint32_t) * (kShadows ? kSlotWordsWithShadow : kSlotWords);
   static constexpr size_t kListBytes = sizeof(uint16_t) * ((kShadows ? 2 : 1) + 2 + kShadeClasses);
@@ -87,7 +87,9 @@ template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
 class QueueBlock {
  public:
   // More threads share the registers where shading is short.
-  static constexpr uint32_t kThreads = kShadows && kKind != SceneKind::Plain ? 192 : 256;
+  static constexpr uint32_t kThreads = kKind != SceneKind::Plain                   ? (kShadows ? 192 : 256)
+                                       : !kShadows && kLeaves == LeafKind::Spheres ? 320
+                                                                                   : 256;
 
   __device__ void run() {
     start();
