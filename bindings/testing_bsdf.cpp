@@ -205,7 +205,7 @@ void register_optics(nb::module_& m) {
         const OpenPbr material = from_params<OpenPbr>(values);
         OpenPbr below = material;
         below.prepare({false, 1.0f, 0.0f});
-        const openpbr::InteriorMedium medium = openpbr::interior_medium(material);
+        const openpbr::InteriorMedium medium = openpbr::medium_recipe(material).medium();
         nb::dict d;
         d["scattering"] = nb::make_tuple(medium.scattering.x, medium.scattering.y, medium.scattering.z);
         d["absorption"] = nb::make_tuple(medium.absorption.x, medium.absorption.y, medium.absorption.z);

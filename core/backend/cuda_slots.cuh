@@ -81,6 +81,7 @@ struct Slots {
     p.filter_sign = flags & kSlotNegative ? -1.0f : 1.0f;
     p.alive = flags & kSlotAlive;
     p.first_hit_done = true;
+    // No colour of an entry: where the queue kernel runs, interiors hold nothing (SceneView::clear_shadows).
     p.inside.items = word(kWordInside, slot) | static_cast<uint64_t>(word(kWordInside + 1, slot)) << 32;
     return p;
   }

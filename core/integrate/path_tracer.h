@@ -126,7 +126,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
     shadow->wanted = true;
     if (!Tracer::kSimple) {
       shadow->inside = path->inside;
-      if (to_light.w.z < 0 && (m.flags & kIsBoundary)) cross_boundary(&shadow->inside, m.interior, s.front);
+      if (to_light.w.z < 0 && (m.flags & kIsBoundary))
+        cross_boundary<Tracer>(scene, m, texture, s.front, &shadow->inside);
     }
   }
   const BsdfSample& next = answer.next;
@@ -144,7 +145,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
     if (!(next.flags & kDelta)) path->bsdf_pdf = next.pdf * wi.density;
   }
   path->travelled = path->bsdf_pdf == kInfinity ? distance : 0.0f;
-  if ((next.flags & kTransmission) && (m.flags & kIsBoundary)) cross_boundary(&path->inside, m.interior, s.front);
+  if ((next.flags & kTransmission) && (m.flags & kIsBoundary))
+    cross_boundary<Tracer>(scene, m, texture, s.front, &path->inside);
   roulette(settings, path);
   ++path->depth;
 }
@@ -190,7 +192,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   if (m.flags & kIsBoundary) {
     outside = interior_beyond(scene, path->inside, m.interior, s.front);
     if ((m.flags & kIsInterface) || is_hidden(scene, outside, m.interior)) {
-      cross_boundary(&path->inside, m.interior, s.front);
+      cross_boundary<Tracer>(scene, m, context, s.front, &path->inside);
       pass_straight(path, s, hit.t);
       return;
     }
@@ -221,10 +223,8 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     Hit hit;
     hit.t = ray.t_max;
     Tracer::closest(scene.geometry, ray, &hit);
-    const uint32_t current = inside.current(scene.interiors);
-    if (current != kNoIndex)
-      left *= transmittance_within(scene, scene.interiors[current], ray, hit.t, sampler,
-                                   dimension + step * kBounceDimensions + (kDimDistance - kDimMix));
+    left *= transmittance_within(scene, inside, ray, hit.t, sampler,
+                                 dimension + step * kBounceDimensions + (kDimDistance - kDimMix));
     if (!hit.found() || is_black(left)) return left;
     const Surface s = make_surface(scene, ray, hit);
     const TextureContext context = texture_context(s);
@@ -236,7 +236,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
         (m.flags & kIsBoundary) && is_hidden(scene, interior_beyond(scene, inside, m.interior, s.front), m.interior);
     if ((m.flags & kOpaqueToShadows) && !hidden) return Vec3(0);
     if ((m.flags & kIsInterface) || hidden) {
-      cross_boundary(&inside, m.interior, s.front);
+      cross_boundary<Tracer>(scene, m, context, s.front, &inside);
     } else {
       left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));
     }

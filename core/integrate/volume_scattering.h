@@ -14,12 +14,28 @@ DST_FN void pass_straight(Path* path, const Surface& s, float t) {
   if (++path->passes == kMaxPasses) path->alive = false;
 }
 
-DST_FN void cross_boundary(InteriorStack* inside, uint32_t interior, bool front) {
+// The colour that the medium inside a surface has for paths which enter at this point.
+DST_FN DST_COLD EntryColor entry_color(const SceneView& scene, MaterialRecord m, const TextureContext& context) {
+  const Slot& slot = scene.textures.slots[m.first_slot + scene.interiors[m.interior].color_slot];
+  return EntryColor::of(m.interior, eval_slot(slot, context, scene.textures, false));
+}
+
+// Takes a path (or a shadow ray) to the other side of a boundary of material m, from its front or its back.
+template <class Tracer>
+DST_FN void cross_boundary(const SceneView& scene, const MaterialRecord& m, const TextureContext& context, bool front,
+                           InteriorStack* inside) {
   if (front) {
-    inside->push(interior);
+    inside->push(m.interior);
+    if (!Tracer::kSimple && (m.flags & kColorsInside)) inside->color = entry_color(scene, m, context);
   } else {
-    inside->remove(interior);
+    inside->remove(m.interior);
   }
+}
+
+// The medium of an interior for a path that has been through these surfaces.
+DST_FN Medium medium_in(const SceneView& scene, uint32_t interior, const InteriorStack& inside) {
+  const Interior& in = scene.interiors[interior];
+  return in.is_colored() && inside.color.is_of(interior) ? in.colored(inside.color.color()) : in.medium;
 }
 
 // The interior on the far side of a boundary, were the boundary's own object not there.
@@ -45,12 +61,11 @@ DST_FN void roulette(const RenderSettings& settings, Path* path) {
   }
 }
 
-// Takes the path to the next collision in what it is in, or through it to `end` metres from here: its throughput is then that
+// Takes the path to the next collision in what it is in (`grid`: that varies it), or through it to `end` metres from here: its throughput is then that
 // of the collision, or of the end. Radiance that the medium emits is gathered.
-DST_FN Flight fly(const SceneView& scene, const Interior& interior, float end, Path* path) {
+DST_FN Flight fly(const SceneView& scene, const Medium& medium, uint32_t grid, float end, Path* path) {
   const uint32_t dimension = bounce_dimension(*path, kDimDistance);
-  const Medium& medium = interior.medium;
-  if (interior.grid == kNoIndex) {
+  if (grid == kNoIndex) {
     const Flight f = medium.is_grey() ? medium.fly_grey(path->sampler.get_1d(dimension), end)
                                       : medium.fly(abs(path->throughput), path->sampler.get_2d(dimension), end);
     path->throughput *= f.weight;
@@ -58,20 +73,24 @@ DST_FN Flight fly(const SceneView& scene, const Interior& interior, float end, P
   }
   Ray way = path->ray;
   way.t_max = end;
-  const GridFlight f = fly_through_grid(medium, scene.grids.grids[interior.grid], scene.grids, way, path->throughput,
+  const GridFlight f = fly_through_grid(medium, scene.grids.grids[grid], scene.grids, way, path->throughput,
                                         path->sampler.get_1d(dimension), path->sampler.stream(dimension));
   path->radiance += f.emitted;
   path->throughput = f.carried;
   return {f.distance, Vec3(1), f.collides};
 }
 
-// What a shadow ray keeps over its first `end` metres in an interior. `dimension`: of its random numbers.
-DST_FN Vec3 transmittance_within(const SceneView& scene, const Interior& interior, Ray ray, float end,
+// What a shadow ray keeps over its first `end` metres in what it is in. `dimension`: of its random numbers.
+DST_FN Vec3 transmittance_within(const SceneView& scene, const InteriorStack& inside, Ray ray, float end,
                                  const Sampler& sampler, uint32_t dimension) {
-  if (interior.grid == kNoIndex || interior.medium.is_vacuum()) return interior.medium.transmittance(end);
+  const uint32_t current = inside.current(scene.interiors);
+  if (current == kNoIndex) return Vec3(1);
+  const Medium medium = medium_in(scene, current, inside);
+  const uint32_t grid = scene.interiors[current].grid;
+  if (grid == kNoIndex || medium.is_vacuum()) return medium.transmittance(end);
   ray.t_max = end;
-  return grid_transmittance(interior.medium, scene.grids.grids[interior.grid], scene.grids, ray,
-                            sampler.get_1d(dimension), sampler.stream(dimension));
+  return grid_transmittance(medium, scene.grids.grids[grid], scene.grids, ray, sampler.get_1d(dimension),
+                            sampler.stream(dimension));
 }
 
 // A collision inside the medium that the path is in, if one comes before the hit; else only what the way absorbs.
@@ -80,9 +99,9 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
                                        ShadowRay* shadow) {
   const uint32_t current = path->inside.current(scene.interiors);
   if (current == kNoIndex) return false;
-  const Medium& medium = scene.interiors[current].medium;
+  const Medium medium = medium_in(scene, current, path->inside);
   if (medium.is_vacuum()) return false;
-  const Flight flight = fly(scene, scene.interiors[current], t_hit, path);
+  const Flight flight = fly(scene, medium, scene.interiors[current].grid, t_hit, path);
   if (is_black(path->throughput)) {
     path->alive = false;
     return true;

@@ -57,28 +57,34 @@ inline uint32_t adopt_openpbr_surface(const std::vector<Slot>& slots, Slot* emis
   return coat_flags(slots);
 }
 
-// True, and the interior's index and medium, if the material has an inside.
-inline bool openpbr_interior(const std::vector<Slot>& slots, Interior* interior) {
+// Which textured colour the medium follows from; kNoIndex: none. A path carries one colour of what it is in.
+inline uint32_t openpbr_color_slot(const std::vector<Slot>& slots, const openpbr::MediumRecipe& recipe) {
+  const auto textured = [&](const char* name) { return !openpbr_slot(slots, name).is_constant(); };
+  const bool through = recipe.through > 0 && recipe.depth > 0 && textured("transmission_color");
+  const bool below = recipe.through < 1 && textured("subsurface_color");
+  if (through && below)
+    throw std::invalid_argument(
+        "transmission_color: expected a constant beside a textured subsurface_color, as paths carry one colour of the "
+        "medium inside (both textured: transmission_depth 0)");
+  if (!through && !below) return kNoIndex;
+  return static_cast<uint32_t>(&openpbr_slot(slots, below ? "subsurface_color" : "transmission_color") - slots.data());
+}
+
+// True, and the interior's index and medium, if the material has an inside. `mean`: of a slot's values.
+template <class Mean>
+bool openpbr_interior(const std::vector<Slot>& slots, const Mean& mean, Interior* interior) {
   const OpenPbr m = openpbr_constants(slots);
   if (!m.has_inside()) return false;
-  const auto expect_constant = [&](const char* name, const char* otherwise) {
-    if (!openpbr_slot(slots, name).is_constant())
-      throw std::invalid_argument(std::string(name) +
-                                  ": expected a constant, as it belongs to the medium inside (textures: " + otherwise +
-                                  ")");
-  };
-  if (m.transmission_weight > 0 && m.transmission_depth > 0)
-    expect_constant("transmission_color", "transmission_depth 0");
-  if (m.subsurface_weight > 0) expect_constant("subsurface_color", "geometry_thin_walled");
   interior->ior = m.specular_ior;
-  const openpbr::InteriorMedium medium = openpbr::interior_medium(m);
-  if (is_black(medium.scattering) && is_black(medium.absorption)) return true;
+  Interior own = *interior;
+  own.recipe = openpbr::medium_recipe(m);
+  own.color_slot = openpbr_color_slot(slots, own.recipe);
+  own.colors_subsurface = own.is_colored() && &slots[own.color_slot] == &openpbr_slot(slots, "subsurface_color");
+  own.medium = own.colored(own.is_colored() ? mean(slots[own.color_slot]) : m.transmission_color);
+  if (own.is_vacuum()) return true;
   if (!interior->medium.is_vacuum())
     throw std::invalid_argument("medium_density, medium_absorption: expected 0 beside OpenPBR's own medium");
-  interior->medium.density = medium.scattering;
-  interior->medium.albedo = Vec3(1);
-  interior->medium.absorption = medium.absorption;
-  interior->medium.phase.g = medium.anisotropy;
+  *interior = own;
   return true;
 }
 

@@ -39,7 +39,7 @@ struct SceneArrays {
   bool only_blocks = false;
   RawVector<HostUnit> host;
   RawVector<HostTarget> host_targets;
-  std::vector<FewTriangle> few;
+  FewTriangles few;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;
@@ -61,6 +61,9 @@ struct SceneArrays {
   std::vector<AreaLight> area_lights;
   std::vector<AliasEntry> all_lights, auto_lights;
   EnvironmentTables environment;
+
+  // Valid until a texture, slot or image is added.
+  TextureData texture_data() const;
 };
 
 class Scene {
@@ -194,7 +197,6 @@ class SceneBuilder {
   void collect_area_lights();
   std::vector<float> light_powers() const;
   float emitter_area(const AreaLight& light) const;
-  Vec3 mean_emission(const MaterialRecord& material) const;
   void make_view();
 
   std::unique_ptr<Scene> scene_;

@@ -12,6 +12,7 @@
 #include "base/parallel.h"
 #include "scene/area_light.h"
 #include "scene/scene.h"
+#include "scene/texture_mean.h"
 
 namespace destello {
 
@@ -38,7 +39,7 @@ void SceneBuilder::finish(const BuildOptions& options) {
   s.bvh_bytes = a.nodes.size() * sizeof(Node8);
   s.host_bytes = a.host.size() * sizeof(HostUnit) + a.host_targets.size() * sizeof(HostTarget) +
                  a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4 +
-                 a.few.size() * sizeof(FewTriangle);
+                 a.few.triangles.size() * sizeof(FewTriangle) + a.few.vertices.size() * sizeof(Vec3);
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) +
                      a.uvs.size() * sizeof(Vec2) + a.colors.size() * sizeof(Vec4) +
@@ -206,23 +207,6 @@ void SceneBuilder::resolve_powers() {
   }
 }
 
-// The mean over a grid of uv (and of positions, for solid textures): good enough to pick lights by.
-Vec3 SceneBuilder::mean_emission(const MaterialRecord& material) const {
-  const SceneView& v = scene_->view_;
-  const Slot& slot = v.textures.slots[material.surface_slot + kEmissionSlot];
-  if (slot.is_constant()) return slot.value;
-  constexpr int kGrid = 16;
-  Vec3 sum;
-  for (int i = 0; i < kGrid * kGrid; ++i) {
-    TextureContext c;
-    c.uv = {(static_cast<float>(i % kGrid) + 0.5f) / kGrid, (static_cast<float>(i / kGrid) + 0.5f) / kGrid};
-    const Bounds& b = scene_->bounds_;
-    c.position = b.lo + b.extent() * Vec3(c.uv.x, c.uv.y, static_cast<float>(i * 37 % 256) / 256.0f);
-    sum += eval_slot(slot, c, v.textures, false);
-  }
-  return sum / (kGrid * kGrid);
-}
-
 struct LightPower {
   const SceneBounds& bounds;
   template <class L>
@@ -250,8 +234,8 @@ std::vector<float> SceneBuilder::light_powers() const {
     const MaterialRecord& m = a.materials[index];
     if (emission[index] < 0) {
       // A texture that happens to be black on the grid keeps a chance to be sampled.
-      const Vec3 value = a.slots[m.surface_slot + kEmissionSlot].value;
-      emission[index] = std::max(luminance(mean_emission(m)), 1e-3f * luminance(value));
+      const Slot& slot = a.slots[m.surface_slot + kEmissionSlot];
+      emission[index] = std::max(luminance(mean_value(slot, a.texture_data(), b)), 1e-3f * luminance(slot.value));
     }
     power.push_back(kPi * emitter_area(l) * emission[index] * (m.flags & kEmissionTwoSided ? 2.0f : 1.0f));
   }
@@ -289,6 +273,11 @@ static Span<T> span(const std::vector<T>& v) {
   return {v.data(), static_cast<uint32_t>(v.size())};
 }
 
+TextureData SceneArrays::texture_data() const {
+  const bool mips = std::any_of(images.begin(), images.end(), [](const Image& i) { return i.levels > 1; });
+  return {span(textures), span(slots), span(images), texels.data(), mips, srgb_table.data()};
+}
+
 void SceneBuilder::make_view() {
   const SceneArrays& a = scene_->arrays_;
   SceneView& v = scene_->view_;
@@ -302,8 +291,10 @@ void SceneBuilder::make_view() {
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();
   v.geometry.host = a.host.data();
   v.geometry.host_targets = a.host_targets.data();
-  v.geometry.few = a.few.data();
-  v.geometry.few_count = static_cast<uint32_t>(a.few.size());
+  v.geometry.few = a.few.triangles.data();
+  v.geometry.few_count = static_cast<uint32_t>(a.few.triangles.size());
+  v.geometry.few_vertices = a.few.vertices.data();
+  v.geometry.few_vertex_count = static_cast<uint32_t>(a.few.vertices.size());
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();
@@ -313,8 +304,7 @@ void SceneBuilder::make_view() {
   v.materials = span(a.materials);
   v.interiors = span(a.interiors);
   v.grids = {span(a.grids), a.voxels.data(), a.majorants.data()};
-  const bool mips = std::any_of(a.images.begin(), a.images.end(), [](const Image& i) { return i.levels > 1; });
-  v.textures = {span(a.textures), span(a.slots), span(a.images), a.texels.data(), mips, a.srgb_table.data()};
+  v.textures = a.texture_data();
   v.punctual = span(a.punctual);
   v.suns = span(a.suns);
   v.area_lights = span(a.area_lights);
@@ -324,7 +314,7 @@ void SceneBuilder::make_view() {
   v.has_environment = has_environment_;
   v.has_boundaries = !a.interiors.empty();
   const bool vacuum =
-      std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.medium.is_vacuum(); });
+      std::all_of(a.interiors.begin(), a.interiors.end(), [](const Interior& i) { return i.is_vacuum(); });
   const bool ranked = std::any_of(a.interiors.begin(), a.interiors.end(), [&](const Interior& i) {
     return i.priority != a.interiors.front().priority;  // one may then hide another's boundary
   });

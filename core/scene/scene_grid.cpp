@@ -85,7 +85,7 @@ void SceneBuilder::set_medium_grid(uint32_t material, uint32_t grid) {
   if (grid >= a.grids.size())
     fail("grid " + std::to_string(grid) + ": expected an index below " + std::to_string(a.grids.size()));
   const uint32_t interior = a.materials[material].interior;
-  if (interior == kNoIndex || a.interiors[interior].medium.is_vacuum())
+  if (interior == kNoIndex || a.interiors[interior].is_vacuum())
     fail("medium_volume: the medium is empty; expected medium_density or medium_absorption above 0");
   a.interiors[interior].grid = grid;
   // Steps must stay longer than what floats can tell apart, and renders must end.
@@ -96,7 +96,8 @@ void SceneBuilder::set_medium_grid(uint32_t material, uint32_t grid) {
       length(world.vector({1, 0, 0})) + length(world.vector({0, 1, 0})) + length(world.vector({0, 0, 1}));
   const uint64_t cells = static_cast<uint64_t>(g.cells[0]) * g.cells[1] * g.cells[2];
   const float* first = a.majorants.data() + g.first_majorant;
-  const Medium& m = a.interiors[interior].medium;
+  const Interior& in = a.interiors[interior];
+  const Medium m = in.is_colored() ? in.colored(Vec3(0)) : in.medium;  // black is the densest
   const float depth = diagonal * max_component(m.density + m.absorption) * *std::max_element(first, first + cells);
   if (!(depth <= kThickest))
     fail("medium_volume: up to " + std::to_string(depth) +

@@ -5,6 +5,7 @@
 #include "accel/geometry.h"
 #include "base/distribution.h"
 #include "bsdf/materials.h"
+#include "bsdf/openpbr/medium_recipe.h"
 #include "light/environment.h"
 #include "light/lights.h"
 #include "medium/grid.h"
@@ -26,6 +27,8 @@ enum MaterialFlag : uint32_t {
   kOpaqueToShadows = 256,  // blocks shadow rays for sure
   kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
   kHasCoat = 1024,         // a layer on top that does not take part in the maps that turn the base's frame
+  kColorsInside = 2048,    // a texture colours the medium inside, from where it was entered (Interior::color_slot)
+  kIsLambert = 4096,       // one colour of Diffuse without roughness, and nothing else
 };
 
 // A material: the BSDF's own parameters and those that every surface has.
@@ -54,11 +57,25 @@ enum SurfaceSlot : uint32_t {
 
 // What a boundary encloses.
 struct Interior {
-  Medium medium;
+  Medium medium;             // with color_slot: for the texture's mean
   uint32_t grid = kNoIndex;  // what varies the medium's density; kNoIndex: nothing
   float ior = 1;             // at 587.56 nm
   float priority =
       0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
+  // Which of its material's slots colours the medium, if that is textured; kNoIndex: none.
+  uint32_t color_slot = kNoIndex;
+  uint32_t colors_subsurface = 0;  // it is subsurface_color, else transmission_color
+  openpbr::MediumRecipe recipe;    // the rest of what the medium then follows from
+
+  DST_HD bool is_colored() const { return color_slot != kNoIndex; }
+  DST_HD bool is_vacuum() const { return medium.is_vacuum() && !is_colored(); }
+  // The medium of the recipe with that colour; the rest as in `medium`.
+  DST_HD Medium colored(Vec3 color) const {
+    openpbr::MediumRecipe r = recipe;
+    (colors_subsurface ? r.subsurface_color : r.transmission_color) = color;
+    const openpbr::InteriorMedium m = r.medium();
+    return {m.scattering, Vec3(1), m.absorption, {m.anisotropy}};
+  }
 };
 
 // A placed mesh or a set of spheres: what its primitives share.

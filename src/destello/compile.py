@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from destello.geometry import mesh_arrays
 from destello.image_table import ImageTable
 from destello.mesh_checks import check_mesh, check_spheres
 from destello.nodes import Node
+from destello.tangents import kept_tangents, wants_tangents
 from destello.texture_memory import fit, largest, read_size, shrunk, stored_images
 from destello.transform import Transform
 
@@ -156,7 +157,7 @@ class Context:
     Attributes:
         materials, assets: of the scene that the shape belongs to.
         outer, outer1: the placement of the enclosing mesh_file when the shutter opens and closes.
-        material: the enclosing mesh_file's material, which goes before the shape's own.
+        material, material_node: the enclosing mesh_file's material, which goes before the shape's own.
     """
 
     materials: MaterialCompiler
@@ -164,6 +165,7 @@ class Context:
     outer: Transform | None = None
     outer1: Transform | None = None
     material: int | None = None
+    material_node: Node | None = None
 
 
 @dataclass
@@ -307,15 +309,19 @@ class SceneCompiler:
         arrays = mesh_arrays(shape)
         material = self._material(shape, place, context)
         first, last = self._placement(shape, context)
+        node = shape["material"] if context.material is None else context.material_node
         with core_errors(place):
-            mesh = self._mesh_number(arrays, place)
+            mesh = self._mesh_number(arrays, place, last is None and wants_tangents(arrays, node))
             self._builder.place_mesh(group, mesh, material, transform=rows(first), transform1=rows(last))
 
-    def _mesh_number(self, arrays: Mapping[str, NDArray[Any]], place: str) -> int:
-        """Meshes that share their arrays are one."""
-        key = tuple(id(arrays[name]) for name in sorted(arrays))
+    def _mesh_number(self, arrays: Mapping[str, NDArray[Any]], place: str, tangents: bool) -> int:
+        """Meshes that share their arrays are one. `tangents`: they are to be made."""
+        key = (*(id(arrays[name]) for name in sorted(arrays)), int(tangents))
         if key not in self._meshes:
-            mesh, dropped = self._builder.add_mesh(**self._images.vertex_colors(check_mesh(arrays, place)))
+            checked = check_mesh(arrays, place)
+            if tangents:
+                checked = check_mesh(kept_tangents(arrays), place)
+            mesh, dropped = self._builder.add_mesh(**self._images.vertex_colors(checked))
             if dropped:
                 self._dropped[place] = dropped
             self._meshes[key] = mesh
@@ -361,7 +367,8 @@ class SceneCompiler:
         material = context.material
         if material is None and shape["material"] is not None:
             material = self._material(shape, place, context)
-        inside = Context(inner.materials, inner.assets, first or Transform(), last, material)
+        node = shape["material"] if context.material is None else context.material_node
+        inside = Context(inner.materials, inner.assets, first or Transform(), last, material, node)
         for i, part in enumerate(found.scene.shapes):
             self._inner_shape(group, found.scene, part, label(f"{place}.shapes[{i}]", part), inside)
 
@@ -372,7 +379,7 @@ class SceneCompiler:
             self._shape(group, part, place, context)
             return
         first, last = self._placement(part, context)
-        inside = Context(context.materials, context.assets, first, last, context.material)
+        inside = replace(context, outer=first, outer1=last)
         for i, shape in enumerate(scene.groups[part["group"]].shapes):
             self._inner_shape(group, scene, shape, label(f"{place}[{i}]", shape), inside)
 

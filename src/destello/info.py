@@ -15,6 +15,7 @@ from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.memory import per_triangle
 from destello.nodes import Node
+from destello.tangents import wants_tangents
 from destello.texture_memory import largest, stored_images
 from destello.udim import read_tiles
 
@@ -135,7 +136,9 @@ class _Counts:
             key = tuple(id(arrays[name]) for name in sorted(arrays)) if shape.type == "mesh" else (id(shape),)
             moves = "positions1" in arrays or shape["transform1"] is not None
             self._triangles += len(arrays["indices"]) * (MOVING_TRIANGLE_BYTES if moves else TRIANGLE_BYTES)
-            self._bytes[key] = sum(_VERTEX_BYTES.get(name, 0) * len(array) for name, array in arrays.items())
+            made = {"tangents": arrays["positions"]} if not moves and wants_tangents(arrays, shape["material"]) else {}
+            vertices = {**made, **arrays}
+            self._bytes[key] = sum(_VERTEX_BYTES.get(name, 0) * len(array) for name, array in vertices.items())
 
 
 def _images(textures: Iterable[Node], assets: Assets) -> dict[str, dict[str, Any]]:

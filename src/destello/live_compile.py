@@ -10,7 +10,9 @@ import numpy as np
 from destello.compile import WORLD, Context, SceneCompiler, carries_volume, has_volume, label
 from destello.compile_errors import core_errors
 from destello.compile_materials import MaterialCompiler, rows
+from destello.geometry import mesh_arrays
 from destello.nodes import Node, equal_values
+from destello.tangents import wants_tangents
 from destello.transform import Transform
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 PLACEMENT = frozenset({"transform", "transform1", "animation"})
 SPHERE_PLACEMENT = frozenset({"center", "radius", "center1", "animation"})
+_SMOOTH = dict.fromkeys(("positions", "normals", "uvs"), np.empty(0))
 
 
 class NotInPlace(Exception):
@@ -117,6 +120,7 @@ class LiveCompiler(SceneCompiler):
                 raise NotInPlace(f"a volume stands where {label(place, after)} is placed")
             if after.type == "mesh_file" and after["material"] is None:
                 raise NotInPlace(f"{place} has its file's materials again")
+            _check_same_tangents(before, after, label(place, after))
             self.materials.check_uvs(after, label(place, after))
             now = self.materials.material(after["material"], f"{label(place, after)}.material")
             if now != number or (before.type == "mesh_file" and before["material"] is None):
@@ -251,6 +255,15 @@ def _check_same_geometry(old: Scene, new: Scene) -> None:
             raise NotInPlace(f"{place} has another geometry")
         if before.type == "sphere" and before["radius"] * after["radius"] < 0:
             raise NotInPlace(f"{place} is turned inside out")
+
+
+def _check_same_tangents(before: Node, after: Node, place: str) -> None:
+    """Raises NotInPlace if a mesh would have tangents for the one of two materials, but not for the other."""
+    if after.type not in ("mesh", "mesh_file"):
+        return
+    arrays = _SMOOTH if after.type == "mesh_file" else mesh_arrays(after)  # a file's meshes may be of any kind
+    if wants_tangents(arrays, _material(before)) != wants_tangents(arrays, _material(after)):
+        raise NotInPlace(f"{place} gets other tangents")
 
 
 def _pairs(old: Scene, new: Scene) -> Iterator[tuple[str, Node, Node]]:

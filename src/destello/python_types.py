@@ -75,8 +75,8 @@ _SHAPES = (
         _array("normals1", "the normals when the shutter closes (time 1)", 3),
         _array(
             "tangents",
-            "direction of growing u at the vertices, and 1 where v grows along normal x tangent, else -1; computed "
-            "from the uvs without, or where the mesh moves",
+            "direction of growing u at the vertices, and 1 where v grows along normal x tangent, else -1; without, "
+            "those of MikkTSpace where the material needs them, or of each triangle where the mesh moves or is flat",
             4,
         ),
         *_PLACED,

@@ -13,6 +13,7 @@ search; opposite directions within a group are averaged too; and what has no dir
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ _RINGS = 16  # of triangles with flat texture coordinates around one whose orien
 _BATCH = 1 << 14
 _PLACES = ("normal_map", "tangent_map", "geometry_coat_normal", "geometry_coat_tangent")
 _STRETCHED = ("anisotropy", "specular_roughness_anisotropy", "coat_roughness_anisotropy")
+_made: dict[tuple[int, ...], dict[str, Array]] = {}  # by the id() of arrays that live
 
 
 def depends_on_tangents(material: Node) -> bool:
@@ -40,6 +42,25 @@ def depends_on_tangents(material: Node) -> bool:
             if turned or any(given.get(name, 0.0) != 0.0 for name in _STRETCHED):
                 return True
     return False
+
+
+def wants_tangents(arrays: Mapping[str, Array], material: Node | None) -> bool:
+    """Whether a mesh with these arrays is to get tangents for the material: it has all that they are made of, none of
+    its own, and does not move by itself (the core then goes by the triangles').
+    """
+    has = arrays.keys()
+    able = {"normals", "uvs"} <= has and not {"tangents", "positions1"} & has
+    return able and material is not None and depends_on_tangents(material)
+
+
+def kept_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """As `with_tangents`; kept as long as the arrays live, for the next frame or edit. They must not change."""
+    key = tuple(id(arrays[name]) for name in sorted(arrays))
+    if key not in _made:
+        _made[key] = {name: a for name, a in with_tangents(arrays).items() if a is not arrays.get(name)}
+        for array in arrays.values():
+            weakref.finalize(array, _made.pop, key, None)
+    return {**arrays, **_made[key]}
 
 
 def with_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
@@ -64,10 +85,12 @@ def with_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
     _, index, inverse = np.unique(pairs, return_index=True, return_inverse=True)
     vertex = corners.copy()
     vertex[others] = count + inverse.reshape(-1)
-    source = np.concatenate([np.arange(count), corners[others[index]]])
-    made = {name: array if name == "indices" else array[source] for name, array in arrays.items()}
-    made["indices"] = vertex.reshape(-1, 3).astype(np.uint32)
-    made["tangents"] = np.zeros((len(source), 4), np.float32)
+    made = dict(arrays)
+    if len(index):
+        source = np.concatenate([np.arange(count), corners[others[index]]])
+        made = {name: array[source] for name, array in arrays.items() if name != "indices"}
+        made["indices"] = vertex.reshape(-1, 3).astype(np.uint32)
+    made["tangents"] = np.zeros((len(made["positions"]), 4), np.float32)
     made["tangents"][:, 3] = 1
     made["tangents"][vertex[sure]] = np.concatenate([vectors, signs[:, None]], axis=1)[sure]
     return made

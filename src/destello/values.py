@@ -209,6 +209,8 @@ def _to_array(doc: ParamDoc, value: Any) -> NDArray[Any]:
 
 
 def _keep(array: NDArray[Any]) -> NDArray[Any]:
+    if not array.flags.writeable:
+        return array  # another node's: what is shared stays shared
     kept = array.view()
     kept.flags.writeable = False
     return kept

@@ -245,19 +245,26 @@ def test_diffuse_transmission_thin_and_dense(tmp_path: Path) -> None:
     node = layered(tmp_path, DIELECTRIC, diffuse_transmission=leaf)
     assert (node["subsurface_weight"], node["subsurface_color"]) == (0.75, (0.1, 0.9, 0.2))
     assert (node["subsurface_scatter_anisotropy"], node["geometry_thin_walled"]) == (0.99, True)
-    skin = layered(
-        tmp_path,
-        DIELECTRIC,
-        diffuse_transmission={"diffuseTransmissionFactor": 1},
-        volume={"thicknessFactor": 1, "attenuationColor": [math.exp(-1), math.exp(-2), math.exp(-4)],
-                "attenuationDistance": 0.01},
-        volume_scatter={"multiscatterColor": [0.6, 0.2, 0.1], "scatterAnisotropy": 0.5},
-    )  # fmt: skip
+    dense: dict[str, Any] = {
+        "volume": {"thicknessFactor": 1, "attenuationColor": [math.exp(-1), math.exp(-2), math.exp(-4)],
+                   "attenuationDistance": 0.01},
+        "volume_scatter": {"multiscatterColor": [0.6, 0.2, 0.1], "scatterAnisotropy": 0.5},
+    }  # fmt: skip
+    skin = layered(tmp_path, DIELECTRIC, diffuse_transmission={"diffuseTransmissionFactor": 1}, **dense)
     assert not skin["geometry_thin_walled"]
     assert (skin["subsurface_weight"], skin["subsurface_color"]) == (1, (0.6, 0.2, 0.1))
     assert skin["subsurface_radius"] == pytest.approx(0.01)
     np.testing.assert_allclose(skin["subsurface_radius_scale"], [1, 0.5, 0.25])
     assert skin["subsurface_scatter_anisotropy"] == 0.5
+    tinted = layered(tmp_path, DIELECTRIC, diffuse_transmission=leaf, **dense)
+    np.testing.assert_allclose(tinted["subsurface_color"], (0.06, 0.18, 0.02))
+    g = Gltf()
+    info = {"index": g.texture(encode_image(corner_image(), ".png", tmp_path))}
+    values = {"KHR_materials_diffuse_transmission": {**leaf, "diffuseTransmissionColorTexture": info}}
+    scene = scene_with(g, tmp_path, extensions=values | {f"KHR_materials_{name}": v for name, v in dense.items()})
+    scene.compile()
+    color = scene.shapes[0]["material"]["subsurface_color"]
+    np.testing.assert_allclose(color["scale"], (0.06, 0.18, 0.02))
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------

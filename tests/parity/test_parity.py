@@ -23,6 +23,7 @@ SCENES = [
     "detailed",
     "layered",
     "coats",
+    "textured insides",
     "clouds",
     "placed clouds",
     "a large tree",
@@ -211,6 +212,36 @@ def coats() -> dl.Scene:
     return s
 
 
+def textured_insides() -> dl.Scene:
+    """Skin, milk and glass coloured by textures where paths enter: nested, hidden, around a lamp, in a grid."""
+    s = dl.Scene(name="textured insides")
+    s.film.width, s.film.height = 160, 60
+    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=24)
+    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse()))
+    rng = np.random.default_rng(9)
+    image = dl.textures.image(rng.random((64, 64, 3), np.float32), color_space="linear")
+    checker = dl.textures.checker_uv(even=image, odd=(0.9, 0.4, 0.2), count_u=6, count_v=6)
+    grid = dl.volumes.grid(density=rng.random((6, 7, 8), np.float32), min=(2.2, 0, -0.6), max=(3.4, 1.2, 0.6))
+    glass = {"transmission_weight": 1.0, "transmission_depth": 0.4, "specular_roughness": 0.1}
+    looks: list[dict[str, Any]] = [
+        {"subsurface_weight": 1.0, "subsurface_radius": 0.1, "subsurface_color": checker},
+        {"transmission_color": image, "transmission_scatter": (0.2, 0.4, 0.6)} | glass,
+        {"transmission_color": checker} | glass,
+        {"transmission_weight": 0.5, "subsurface_weight": 0.5, "subsurface_radius": 0.05, "subsurface_color": image},
+        {"transmission_color": image, "medium_volume": grid, "priority": 1.0} | glass,
+    ]
+    for i, look in enumerate(looks):
+        material = dl.materials.openpbr(**look)
+        s.add(dl.shapes.sphere(center=(1.4 * i - 2.8, 0.6, 0), radius=0.6, material=material))
+    core = dl.materials.openpbr(subsurface_weight=1.0, subsurface_radius=0.1, subsurface_color=checker)
+    s.add(dl.shapes.sphere(center=(0, 0.5, 0), radius=0.3, material=core))  # in the glass
+    s.add(dl.shapes.sphere(center=(2.0, 0.6, 0.3), radius=0.4, material=core))  # half in another, half hidden
+    s.add(dl.lights.point(position=(-1.4, 0.7, 0.1), intensity=2))  # in the milk
+    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
+    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    return s
+
+
 def large() -> dl.Scene:
     """A tree in which the queue kernel keeps rays over turns, shadow rays too."""
     return scenes.build("interior", 0.05)
@@ -222,6 +253,7 @@ MADE = {
     "detailed": detailed,
     "layered": layered,
     "coats": coats,
+    "textured insides": textured_insides,
     "clouds": clouds,
     "placed clouds": placed_clouds,
     "a large tree": large,

@@ -191,7 +191,6 @@ def test_opacity(device: str) -> None:
         ({"emission_luminance": 1.0, "emission": 1.0}, "emission_luminance"),
         ({"geometry_opacity": 0.5, "opacity": 0.5}, "geometry_opacity"),
         ({"subsurface_weight": 1.0, "medium_density": 1.0}, "medium_density"),
-        ({"subsurface_weight": 1.0, "subsurface_color": dl.textures.checker()}, "subsurface_color"),
     ],
 )
 def test_what_goes_not_together_is_said(look: dict[str, Any], message: str) -> None:

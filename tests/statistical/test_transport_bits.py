@@ -27,6 +27,8 @@ def scene():
     s.add(dl.shapes.sphere((-1.2, 0.6, 0), 0.6, material=glass, center1=(-1.2, 0.9, 0)))
     fog = dl.materials.interface(medium_density=(0.5, 1, 3), medium_albedo=0.8)
     s.add(dl.shapes.sphere((2.5, 1, -1), 0.9, material=fog))
+    skin = dl.materials.openpbr(subsurface_weight=1, subsurface_radius=0.2, subsurface_color=checker)
+    s.add(dl.shapes.sphere((0.6, 0.5, 1.5), 0.4, material=skin))
     puffs = np.random.default_rng(2).random((5, 9, 11), np.float32)
     cloud = dl.volumes.grid(density=puffs, emission=puffs[..., None] ** 8, min=(-3, 0.2, -1.5), max=(-1.8, 1.6, 0))
     s.add(dl.volumes.box(cloud, medium_density=(4, 2, 1), medium_albedo=0.8, medium_anisotropy=0.3))

@@ -189,6 +189,17 @@ def test_insides_that_are_gone_leave_no_gap(device: str) -> None:
     assert_as_compiled_anew(live, device, "interiors")
 
 
+def test_textured_insides_change_in_place(device: str) -> None:
+    """Their colour's slot moves with the material's."""
+    live = LiveScene(studio(), device)
+    picture = dl.textures.image(np.random.default_rng(2).random((8, 8, 3), np.float32))
+    skin = dl.materials.openpbr(subsurface_weight=1, subsurface_radius=0.2, subsurface_color=picture)
+    for words in ({}, {"subsurface_radius": 0.1}, {"subsurface_color": (0.2, 0.9, 0.4)}, {"subsurface_color": picture}):
+        assert not live.set_material("ball", skin.replace(**words)).recompiled
+        live.set_material("mesh", {"reflectance": (0.1, 0.5, 0.5)})
+        assert_as_compiled_anew(live, device, str(words))
+
+
 def test_a_new_texture_goes_in_place(device: str) -> None:
     live = LiveScene(studio(), device)
     image = dl.textures.image(np.random.default_rng(1).random((8, 8, 3), np.float32))

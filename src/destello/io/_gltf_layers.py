@@ -250,9 +250,10 @@ class Layers:
             return {}
         color = found.numbers("diffuseTransmissionColorFactor", 3, (1.0, 1.0, 1.0), low=0)
         share = self._texture(found, "diffuseTransmissionTexture", "linear")
+        tint = self._texture(found, "diffuseTransmissionColorTexture", "srgb")
         made: dict[str, Value] = {
             "subsurface_weight": slot(factor, share, channel="a"),
-            "subsurface_color": slot(color, self._texture(found, "diffuseTransmissionColorTexture", "srgb")),
+            "subsurface_color": slot(color, tint),
         }
         scatter, (attenuation, distance) = self._scatter_color(), self._attenuation()
         if not self._dense():
@@ -263,7 +264,7 @@ class Layers:
         paths = [distance / max(-math.log(c), 1e-9) for c in attenuation]  # mean free paths, m
         longest = max(paths)
         return made | {
-            "subsurface_color": scatter,
+            "subsurface_color": slot(tuple(min(s * c, 1.0) for s, c in zip(scatter, color, strict=True)), tint),
             "subsurface_radius": longest,
             "subsurface_radius_scale": tuple(path / longest for path in paths),
             "subsurface_scatter_anisotropy": self._scatter_anisotropy(),

@@ -15,7 +15,6 @@ from destello.io._gltf_compression import DRACO, can_decode, decode_draco
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_materials import Materials
 from destello.nodes import Node
-from destello.tangents import depends_on_tangents, with_tangents
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _REUSE = 64  # vertices and corners for each byte of the file's data: beyond, a small file could fill the memory
@@ -91,8 +90,6 @@ class Meshes:
         arrays = {**primitive.data, "indices": primitive.triangles}
         try:
             node = self._materials.node(material, colored="colors" in arrays, second="second_uvs" in arrays)
-            if {"normals", "uvs"} <= arrays.keys() and "tangents" not in arrays and depends_on_tangents(node):
-                arrays = with_tangents(arrays)
             return make.mesh(material=node, name=name, **arrays)
         except Error as error:
             raise error if error.file else error.within(primitive.item.place, file=primitive.item.file) from None

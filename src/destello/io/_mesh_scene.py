@@ -18,7 +18,6 @@ from destello.io._arrays import repaired_normals
 from destello.io._defaults import LoadOptions, ensure_camera, ensure_light
 from destello.nodes import Node
 from destello.scene import Scene
-from destello.tangents import depends_on_tangents, with_tangents
 
 GREY = (0.6, 0.6, 0.6)
 
@@ -70,17 +69,12 @@ def complete(scene: Scene, options: LoadOptions) -> Scene:
 def add_mesh(
     scene: Scene, path: Path, material: Node, arrays: Mapping[str, NDArray[Any]], *, name: str | None = None
 ) -> None:
-    """Adds a mesh, with tangents if its material depends on them. Normals without direction are replaced, with a note.
-
-    Raises FormatError.
-    """
+    """Adds a mesh. Normals without direction are replaced, with a note. Raises FormatError."""
     made = dict(arrays)
     if "normals" in made:
         made["normals"], bad = repaired_normals(made["normals"], made["positions"], made["indices"])
         if bad:
             scene.notes.append(f"{bad} normals have no direction; computed from the triangles")
-    if {"normals", "uvs"} <= made.keys() and depends_on_tangents(material):
-        made = with_tangents(made)
     try:
         scene.add(shapes.mesh(material=material, name=name, **made))
     except Error as error:
