@@ -40,7 +40,7 @@ def test_no_code_for_one_processor_can_stand_in_for_that_of_another(root, isa):
     for path in objects:
         defined = symbols(path)
         entry_points = {name for letter, name in defined if letter == "T" and "::" not in name}
-        assert entry_points == {f"dst_render_tile_{isa}", f"dst_trace_rays_{isa}"}
+        assert entry_points == {f"dst_render_tiles_{isa}", f"dst_trace_rays_{isa}"}
         strays = [name for letter, name in defined if letter in WEAK and f"destello_{isa}" not in name]
         assert strays == [], path
         outside = [name for letter, name in defined if letter == "T" and "::" in name and f"destello_{isa}" not in name]

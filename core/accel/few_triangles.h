@@ -10,14 +10,20 @@ namespace destello {
 
 // A resting triangle of the world with what its test shares among rays.
 struct FewTriangle {
-  Vec3 a, b, c;
-  Vec3 ab, ac, n;  // edges from a, and their cross product
+  uint32_t corners[3];  // numbers of vertices
   uint32_t leaf;
+  Vec3 ab, ac, n;  // edges from the first corner, and their cross product
 };
 // More than these are faster in a tree.
-inline constexpr uint32_t kFewTriangles = 64;
+inline constexpr uint32_t kFewTriangles = 64;  // at most: traversal keeps a bit for each
+
+// Such triangles and their vertices, each place once: many triangles share it.
+struct FewTriangles {
+  std::vector<FewTriangle> triangles;
+  std::vector<Vec3> vertices;
+};
 
 // The leaf primitives from `first` on, if they are a few resting triangles; else none.
-std::vector<FewTriangle> few_triangles(const RawVector<LeafPrimitive>& leaves, uint32_t first);
+FewTriangles few_triangles(const RawVector<LeafPrimitive>& leaves, uint32_t first);
 
 }  // namespace destello

@@ -90,6 +90,8 @@ struct GeometryView {
   const HostTarget* host_targets = nullptr;  // of each node
   // Host only: see few_triangles.h.
   const FewTriangle* few = nullptr;
+  const Vec3* few_vertices = nullptr;
+  uint32_t few_vertex_count = 0;
   uint32_t few_count = 0;  // 0: too many, or not only resting triangles
 };
 

@@ -1,6 +1,7 @@
 // What the paths of a batch need that can be computed side by side: camera rays, and random numbers of their bounces.
 #pragma once
 
+#include "backend/lane_arrays.h"
 #include "integrate/path_tracer.h"
 
 namespace destello {
@@ -101,36 +102,23 @@ class BounceNumbersBatch {
     points(n, kDimDirection, &direction_);
     if (!lights) return;
     points(n, kDimLight, &light_);
-    for (uint32_t first = 0; first < n; first += kLanes) {
-      for (uint32_t i = first; i < first + kLanes; ++i) {
-        light_pick_[i] = sobol_1d(key_[i], reversed_index_[i], dimension_[i] + kDimLightPick);
-      }
-    }
+    for (uint32_t i = 0; i < whole_groups(n); ++i)
+      light_pick_[i] = sobol_1d(key_[i], reversed_index_[i], dimension_[i] + kDimLightPick);
   }
-  ReadyBounceNumbers operator[](uint32_t i) const {
-    return {{}, {direction_.x[i], direction_.y[i]}, {light_.x[i], light_.y[i]}, light_pick_[i]};
-  }
+  ReadyBounceNumbers operator[](uint32_t i) const { return {{}, direction_[i], light_[i], light_pick_[i]}; }
+
+  const Vec2Array<kCount>& directions() const { return direction_; }
+  const Vec2Array<kCount>& lights() const { return light_; }
 
  private:
-  static constexpr uint32_t kLanes = 16;
-  static_assert(kCount % kLanes == 0);
-  struct Points {
-    alignas(64) float x[kCount] = {}, y[kCount] = {};
-  };
-
-  void points(uint32_t n, BounceDimension d, Points* out) {
-    for (uint32_t first = 0; first < n; first += kLanes) {
-      for (uint32_t i = first; i < first + kLanes; ++i) {
-        const Vec2 p = sobol_2d(key_[i], reversed_index_[i], dimension_[i] + d);
-        out->x[i] = p.x;
-        out->y[i] = p.y;
-      }
-    }
+  void points(uint32_t n, BounceDimension d, Vec2Array<kCount>* out) {
+    for (uint32_t i = 0; i < whole_groups(n); ++i)
+      out->set(i, sobol_2d(key_[i], reversed_index_[i], dimension_[i] + d));
   }
 
   alignas(64) uint32_t key_[kCount] = {}, reversed_index_[kCount] = {}, dimension_[kCount] = {};
-  alignas(64) float light_pick_[kCount] = {};
-  Points direction_, light_;
+  FloatArray<kCount> light_pick_;
+  Vec2Array<kCount> direction_, light_;
 };
 
 }  // namespace destello

@@ -67,21 +67,26 @@ class CpuBackend final : public Backend {
     const uint32_t columns = (c.x1 - c.x0 + kTile - 1) / kTile, rows = (c.y1 - c.y0 + kTile - 1) / kTile;
     const uint32_t tiles = columns * rows;
     std::atomic<uint32_t> next{0};
+    auto next_tile = [&](uint32_t* rect) {
+      const uint32_t i = next.fetch_add(1);
+      if (i >= tiles || cancel.load()) return false;
+      rect[0] = c.x0 + i % columns * kTile, rect[1] = c.y0 + i / columns * kTile;
+      rect[2] = std::min(rect[0] + kTile, c.x1), rect[3] = std::min(rect[1] + kTile, c.y1);
+      return true;
+    };
+    using NextTile = decltype(next_tile);
+    DstNextTile* call = [](void* f, uint32_t* rect) { return (*static_cast<NextTile*>(f))(rect); };
     std::vector<RenderCounts> counts(std::min(threads_, std::max(tiles, 1u)));
     const auto work = [&](RenderCounts* out) {
-      uint64_t n[3] = {};
-      for (uint32_t i; (i = next.fetch_add(1)) < tiles && !cancel.load();) {
-        const uint32_t x = c.x0 + i % columns * kTile, y = c.y0 + i / columns * kTile;
-        const uint32_t rect[4] = {x, y, std::min(x + kTile, c.x1), std::min(y + kTile, c.y1)};
-        cpu_kernels().render_tile(&scene_.view(), &task, &film, rect, &cancel, n);
-      }
-      out->rays = n[0], out->samples = n[1], out->nonfinite = n[2];
+      uint64_t n[4] = {};
+      cpu_kernels().render_tiles(&scene_.view(), &task, &film, call, &next_tile, &cancel, n);
+      out->rays = n[0], out->samples = n[1], out->nonfinite = n[2], out->path_bytes = n[3];
     };
     const uint32_t workers = static_cast<uint32_t>(counts.size());
     parallel_for(workers, workers, [&](uint32_t i) { work(&counts[i]); });
     RenderCounts total;
     total.paths = counts.size() * kCpuBatch;
-    total.path_bytes = sizeof(Path) + sizeof(Hit) + sizeof(SampleAovs);
+    total.path_bytes = counts[0].path_bytes;
     for (const RenderCounts& n : counts) {
       total.rays += n.rays;
       total.samples += n.samples;
@@ -127,13 +132,13 @@ const CpuKernels& cpu_kernels() {
     const bool avx512 = __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") &&
                         __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vbmi2") &&
                         __builtin_cpu_supports("bmi2");
-    if (avx512 && allowed("avx2")) return CpuKernels{dst_render_tile_avx512, dst_trace_rays_avx512, "AVX-512"};
+    if (avx512 && allowed("avx2")) return CpuKernels{dst_render_tiles_avx512, dst_trace_rays_avx512, "AVX-512"};
 #endif
 #if defined(DST_HAS_AVX2)
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && allowed("baseline"))
-      return CpuKernels{dst_render_tile_avx2, dst_trace_rays_avx2, "AVX2"};
+      return CpuKernels{dst_render_tiles_avx2, dst_trace_rays_avx2, "AVX2"};
 #endif
-    return CpuKernels{dst_render_tile_baseline, dst_trace_rays_baseline, "baseline"};
+    return CpuKernels{dst_render_tiles_baseline, dst_trace_rays_baseline, "baseline"};
   }();
   return kernels;
 }

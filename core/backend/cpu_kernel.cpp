@@ -6,7 +6,7 @@
 #include "accel/traverse_few.h"
 #include "accel/traverse_packet.h"
 #include "accel/traverse_stream.h"
-#include "backend/batch_numbers.h"
+#include "backend/lambert_batch.h"
 #include "backend/render_task.h"
 #include "film/film.h"
 #include "integrate/path_tracer.h"
@@ -43,6 +43,7 @@ struct Batch {
   uint32_t asked[kBatch];  // the paths that want theirs
   CameraBatch<kBatch> camera;
   BounceNumbersBatch<kBatch> bounces;  // in the order of the paths alive
+  LambertBatch<kBatch> lambert;
   uint32_t size = 0;
 };
 
@@ -95,6 +96,27 @@ void connect_all(const SceneView& scene, Batch* batch, uint32_t n) {
       });
 }
 
+// Orders the n paths alive: first those that LambertBatch takes, then the others; those that end there are dropped. Returns how
+// many are left, and of the first kind.
+struct Order {
+  uint32_t count, lambert;
+};
+inline Order order_paths(const SceneView& scene, const RenderSettings& settings, Batch* batch, uint32_t* alive,
+                         uint32_t n) {
+  uint32_t others[kBatch], lambert = 0, rest = 0;
+  for (uint32_t k = 0; k < n; ++k) {
+    const uint32_t i = alive[k];
+    const Path& path = batch->paths[i];
+    if (!LambertBatch<kBatch>::takes(scene, path, batch->hits[i])) {
+      others[rest++] = i;
+    } else if (path.depth < settings.max_depth || (settings.aovs && !path.first_hit_done)) {
+      alive[lambert++] = i;
+    }
+  }
+  for (uint32_t k = 0; k < rest; ++k) alive[lambert + k] = others[k];
+  return {lambert + rest, lambert};
+}
+
 template <class Tracer>
 void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView& film, Batch* batch,
                   uint64_t* counts) {
@@ -115,21 +137,28 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
     } else {
       for (uint32_t k = 0; k < n; ++k) batch->hits[alive[k]] = trace<Tracer>(scene, batch->paths[alive[k]]);
     }
+    counts[0] += n;
+    const Order order = order_paths(scene, task.settings, batch, alive, n);
+    n = order.count;
     for (uint32_t k = 0; k < n; ++k) batch->bounces.set(k, batch->paths[alive[k]]);
     batch->bounces.compute(n, lights_are_sampled(scene, task.settings));
+    SampleAovs* aovs = task.settings.aovs ? batch->aovs : nullptr;
+    batch->lambert.shade(scene, task.settings, alive, order.lambert, batch->hits, batch->paths, batch->shadows, aovs,
+                         batch->bounces);
     uint32_t left = 0, asked = 0;
     for (uint32_t k = 0; k < n; ++k) {
       const uint32_t i = alive[k];
       Path& path = batch->paths[i];
-      shade<Tracer>(scene, task.settings, batch->hits[i], &path, &batch->shadows[i],
-                    task.settings.aovs ? &batch->aovs[i] : nullptr, batch->bounces[k]);
+      if (k >= order.lambert)
+        shade<Tracer>(scene, task.settings, batch->hits[i], &path, &batch->shadows[i],
+                      aovs == nullptr ? nullptr : &aovs[i], batch->bounces[k]);
       batch->asked[asked] = i;
       asked += batch->shadows[i].wanted ? 1 : 0;
       alive[left] = i;
       left += path.alive ? 1 : 0;
     }
     connect_all<Tracer>(scene, batch, asked);
-    counts[0] += n + asked;
+    counts[0] += asked;
     n = left;
   }
   for (uint32_t i = 0; i < batch->size; ++i) {
@@ -148,40 +177,50 @@ void finish_batch(const SceneView& scene, const RenderTask& task, const FilmView
   batch->size = 0;
 }
 
+// False if cancelled.
 template <class Tracer>
-void render_tile(const SceneView& scene, const RenderTask& task, const FilmView& film, const uint32_t* rect,
-                 const std::atomic<bool>& cancel, uint64_t* counts) {
-  Batch batch;
+bool render_tile(const SceneView& scene, const RenderTask& task, const FilmView& film, const uint32_t* rect,
+                 const std::atomic<bool>& cancel, Batch* batch, uint64_t* counts) {
   for (uint32_t y = rect[1]; y < rect[3]; ++y) {
     for (uint32_t x = rect[0]; x < rect[2]; ++x) {
       for (uint32_t s = task.first_sample; s < task.last_sample; ++s) {
-        const uint32_t i = batch.size++;
-        batch.camera.x[i] = x;
-        batch.camera.y[i] = y;
-        batch.camera.sample[i] = s;
-        if (batch.size < kBatch) continue;
-        if (cancel.load(std::memory_order_relaxed)) return;
-        finish_batch<Tracer>(scene, task, film, &batch, counts);
+        const uint32_t i = batch->size++;
+        batch->camera.x[i] = x;
+        batch->camera.y[i] = y;
+        batch->camera.sample[i] = s;
+        if (batch->size < kBatch) continue;
+        if (cancel.load(std::memory_order_relaxed)) return false;
+        finish_batch<Tracer>(scene, task, film, batch, counts);
       }
     }
   }
-  finish_batch<Tracer>(scene, task, film, &batch, counts);
+  finish_batch<Tracer>(scene, task, film, batch, counts);
+  return true;
+}
+
+template <class Tracer>
+void render_tiles(const SceneView& scene, const RenderTask& task, const FilmView& film, DstNextTile* next,
+                  void* context, const std::atomic<bool>& cancel, uint64_t* counts) {
+  Batch batch;
+  counts[3] = sizeof(Batch) / kBatch;
+  for (uint32_t rect[4]; next(context, rect);)
+    if (!render_tile<Tracer>(scene, task, film, rect, cancel, &batch, counts)) return;
 }
 
 }  // namespace
 }  // namespace destello
 
-extern "C" void DST_KERNEL(dst_render_tile)(const void* scene_pointer, const void* task_pointer,
-                                            const void* film_pointer, const uint32_t* rect,
-                                            const std::atomic<bool>* cancel, uint64_t* counts) {
+extern "C" void DST_KERNEL(dst_render_tiles)(const void* scene_pointer, const void* task_pointer,
+                                             const void* film_pointer, DstNextTile* next, void* context,
+                                             const std::atomic<bool>* cancel, uint64_t* counts) {
   using namespace destello;
   const SceneView& scene = *static_cast<const SceneView*>(scene_pointer);
   const RenderTask& task = *static_cast<const RenderTask*>(task_pointer);
   const FilmView& film = *static_cast<const FilmView*>(film_pointer);
   if (scene.simple) {
-    render_tile<HostTracer<true>>(scene, task, film, rect, *cancel, counts);
+    render_tiles<HostTracer<true>>(scene, task, film, next, context, *cancel, counts);
   } else {
-    render_tile<HostTracer<false>>(scene, task, film, rect, *cancel, counts);
+    render_tiles<HostTracer<false>>(scene, task, film, next, context, *cancel, counts);
   }
 }
 

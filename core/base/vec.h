@@ -102,6 +102,9 @@ DST_FN constexpr Vec3 xyz(Vec4 a) { return {a.x, a.y, a.z}; }
 // Mirror image of v about n (unit): both point away from the surface.
 DST_FN constexpr Vec3 reflect(Vec3 v, Vec3 n) { return n * (2.0f * dot(v, n)) - v; }
 
+// c ? a : b, in loops that shall become vector code: not by way of an address.
+DST_FN DST_HOT Vec3 choose(bool c, Vec3 a, Vec3 b) { return {c ? a.x : b.x, c ? a.y : b.y, c ? a.z : b.z}; }
+
 // An orthonormal basis; local z is the normal.
 struct Frame {
   Vec3 x, y, z;
@@ -113,13 +116,19 @@ struct Frame {
     const float b = n.x * n.y * a;
     return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}, n};
   }
-  // Basis whose x axis follows `tangent` (any length, not parallel to n).
+  // Basis whose x axis follows `tangent` (any length; 0 or parallel to n: any basis). kSideBySide: see warp.h.
+  template <bool kSideBySide = false>
   DST_HD static Frame from_zx(Vec3 n, Vec3 tangent) {
     const Vec3 t = tangent - n * dot(n, tangent);
     const float len2 = length_squared(t);
-    if (!(len2 > 1e-12f * length_squared(tangent))) return from_z(n);
-    const Vec3 x = t * (1.0f / sqrtf(len2));
-    return {x, cross(n, x), n};
+    const bool across = len2 > 1e-12f * length_squared(tangent);
+    if (!kSideBySide && !across) return from_z(n);
+    const Vec3 x = t * (1.0f / sqrtf(len2)), y = cross(n, x);
+    if constexpr (kSideBySide) {
+      const Frame any = from_z(n);
+      return {choose(across, x, any.x), choose(across, y, any.y), n};
+    }
+    return {x, y, n};
   }
   DST_HD DST_HOT Vec3 to_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
   DST_HD DST_HOT Vec3 to_local(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }

@@ -79,8 +79,9 @@ DST_FN DST_HOT Vec2 square_to_disk(Vec2 u) {
 }
 
 // Cosine-weighted on the hemisphere about +z (Malley). Density cos(theta)/pi.
+template <bool kSideBySide = false>
 DST_FN Vec3 square_to_cosine_hemisphere(Vec2 u) {
-  const Vec2 d = square_to_disk(u);
+  const Vec2 d = square_to_disk<kSideBySide>(u);
   return {d.x, d.y, safe_sqrt(1.0f - d.x * d.x - d.y * d.y)};
 }
 DST_FN float cosine_hemisphere_pdf(float cos_theta) { return max(cos_theta, 0.0f) * kInvPi; }

@@ -39,7 +39,7 @@ struct SceneArrays {
   bool only_blocks = false;
   RawVector<HostUnit> host;
   RawVector<HostTarget> host_targets;
-  std::vector<FewTriangle> few;
+  FewTriangles few;
   std::vector<ObjectRecord> objects;
   std::vector<uint32_t> triangles;
   std::vector<Vec3> normals;

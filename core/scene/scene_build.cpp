@@ -39,7 +39,7 @@ void SceneBuilder::finish(const BuildOptions& options) {
   s.bvh_bytes = a.nodes.size() * sizeof(Node8);
   s.host_bytes = a.host.size() * sizeof(HostUnit) + a.host_targets.size() * sizeof(HostTarget) +
                  a.blocks.size() * sizeof(SphereBlock) + a.blocks_of_node.size() * 4 +
-                 a.few.size() * sizeof(FewTriangle);
+                 a.few.triangles.size() * sizeof(FewTriangle) + a.few.vertices.size() * sizeof(Vec3);
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) +
                      a.uvs.size() * sizeof(Vec2) + a.second_uvs.size() * sizeof(Vec3) + a.colors.size() * sizeof(Vec4) +
@@ -291,8 +291,10 @@ void SceneBuilder::make_view() {
   v.geometry.blocks_of_node = a.blocks.empty() ? nullptr : a.blocks_of_node.data();
   v.geometry.host = a.host.data();
   v.geometry.host_targets = a.host_targets.data();
-  v.geometry.few = a.few.data();
-  v.geometry.few_count = static_cast<uint32_t>(a.few.size());
+  v.geometry.few = a.few.triangles.data();
+  v.geometry.few_count = static_cast<uint32_t>(a.few.triangles.size());
+  v.geometry.few_vertices = a.few.vertices.data();
+  v.geometry.few_vertex_count = static_cast<uint32_t>(a.few.vertices.size());
   v.objects = span(a.objects);
   v.triangles = a.triangles.data();
   v.normals = a.normals.data();

@@ -24,12 +24,13 @@ enum MaterialFlag : uint32_t {
   kIsInterface = 32,  // no surface at all, only a boundary
   kNeedsUv = 64,      // some texture wants texture coordinates
   kIsMix = 128,
-  kOpaqueToShadows = 256,  // blocks shadow rays for sure
-  kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
-  kHasCoat = 1024,         // a layer on top that does not take part in the maps that turn the base's frame
-  kColorsInside = 2048,    // a texture colours the medium inside, from where it was entered (Interior::color_slot)
-  kReadsSecondUv = 4096,   // some texture does
-  kBumpBySecondUv = 8192,  // the bump map does
+  kOpaqueToShadows = 256,   // blocks shadow rays for sure
+  kDeltaOnly = 512,         // every lobe is a delta: sampling lights is of no use
+  kHasCoat = 1024,          // a layer on top that does not take part in the maps that turn the base's frame
+  kColorsInside = 2048,     // a texture colours the medium inside, from where it was entered (Interior::color_slot)
+  kIsLambert = 4096,        // one colour of Diffuse without roughness, and nothing else
+  kReadsSecondUv = 8192,    // some texture reads the second uv
+  kBumpBySecondUv = 16384,  // the bump map does
 };
 
 // A material: the BSDF's own parameters and those that every surface has.

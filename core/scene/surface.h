@@ -86,29 +86,38 @@ DST_FN DST_COLD SecondUv second_uv(const SceneView& scene, LeafPrimitive prim, V
   return {{uv.x, uv.y}, uv.z};
 }
 
-// From a point p of a triangle, in its own space, to the smooth surface for which its vertex normals stand: the mean of what
-// lifts p onto the planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter
-// 4), on the side that the ray comes from. Rays that start there see the horizon of the smooth surface, not of its facets.
-// `direction`: of that ray, in the world.
+// From a point p of a triangle to the smooth surface for which its vertex normals stand: the mean of what lifts p onto the
+// planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), on the side of
+// `out`, a normal. Rays that start there see the horizon of the smooth surface, not of its facets.
+DST_FN DST_HOT Vec3 lift_to_smooth(const Vec3 (&normals)[3], const Vec3 (&corners)[3], const float (&weights)[3],
+                                   Vec3 p, Vec3 out) {
+  Vec3 lift;
+  DST_UNROLL
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 n = face_towards(normals[k], out);
+    lift += n * (weights[k] * max(dot(corners[k] - p, n), 0.0f));
+  }
+  return dot(lift, out) > 0 ? lift : Vec3();
+}
+
+// lift_to_smooth for a hit, in the triangle's own space, on the side that the ray comes from. `direction`: of that ray, in the
+// world.
 DST_FN DST_COLD Vec3 smooth_lift(const SceneView& scene, const ObjectRecord& object, uint32_t triangle, Hit hit,
                                  float time, Vec3 direction, TriangleVertices vertices, Vec3 p, Vec3 ng) {
   Vec3 w = direction;
   if (hit.instance != Hit::kNone) w = scene.geometry.instances[hit.instance].local_at(time).vector(w);
   const Vec3 out = face_towards(ng, -w);
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
-  const float weights[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
-  const Vec3 corners[3] = {vertices.a, vertices.b, vertices.c};
-  Vec3 lift;
+  Vec3 normals[3];
+  DST_UNROLL
   for (int k = 0; k < 3; ++k) {
-    Vec3 n = scene.normals[object.first_normal + index[k]];
-    if (object.first_normal_end != kNoIndex) {
-      n = lerp(n, scene.normals[object.first_normal_end + index[k]], time);
-      if (length_squared(n) > 0) n = normalize(n);
-    }
-    n = face_towards(n, out);
-    lift += n * (weights[k] * max(dot(corners[k] - p, n), 0.0f));
+    Vec3& n = normals[k];
+    n = scene.normals[object.first_normal + index[k]];
+    if (object.first_normal_end == kNoIndex) continue;
+    n = lerp(n, scene.normals[object.first_normal_end + index[k]], time);
+    if (length_squared(n) > 0) n = normalize(n);
   }
-  return dot(lift, out) > 0 ? lift : Vec3();
+  return lift_to_smooth(normals, {vertices.a, vertices.b, vertices.c}, {1.0f - hit.u - hit.v, hit.u, hit.v}, p, out);
 }
 
 // From the instance's space to the world.
@@ -132,6 +141,7 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
   const bool instanced = hit.instance != Hit::kNone;
   const Instance* instance = instanced ? scene.geometry.instances + hit.instance : nullptr;
   Surface s;
+  bool is_flat = !instanced;  // the shading normal is the geometric one already
   s.material = object.material;
   if (object.light_offset != kNoIndex)
     s.light = (instanced ? instance->light_base : scene.world_light_base) + object.light_offset + prim.primitive;
@@ -155,7 +165,7 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
     if (object.flipped) s.ng = -s.ng;
     s.ns = s.ng;
     const Attributes a = interpolate_attributes(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v);
-    if (length_squared(a.ns) > 0) s.ns = a.ns;
+    if (length_squared(a.ns) > 0) s.ns = a.ns, is_flat = false;
     s.tangent = a.tangent;
     s.mirrored = a.mirrored != (object.flipped != 0);
     s.uv = a.uv;
@@ -164,7 +174,7 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
       s.lift = smooth_lift(scene, object, prim.primitive, hit, ray.time, ray.direction, v, s.p, s.ng);
   }
   if (instanced) s = place_surface(*instance, ray.time, s);
-  s.ns = face_towards(normalize(s.ns), s.ng);
+  if (!is_flat) s.ns = face_towards(normalize(s.ns), s.ng);
   s.front = dot(ray.direction, s.ng) < 0;
   return s;
 }

@@ -39,7 +39,7 @@ DST_FN DST_HOT SpherePoint sphere_point(Vec3 p, Vec3 center, float radius) {
   s.p = center + q;
   // Twice the bound of the projection: the other half covers the sign of c in intersect_sphere.
   s.error = (abs(q) + abs(center)) * gamma_bound(3) + Vec3(fabsf(radius) * gamma_bound(8));
-  s.normal = radius < 0 ? -outward : outward;
+  s.normal = choose(radius < 0, -outward, outward);
   return s;
 }
 
