@@ -39,14 +39,14 @@ DST_FN LightPick pick_from_sample(const LightSample& s, Vec3 p, float pick_pdf) 
 template <bool textured, LeafKind kLeaves>
 DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p, Vec2 u, float time, float pick_pdf) {
   const AreaLight& light = scene.area_lights[index];
-  const LightPoint at = sample_area_light<kLeaves>(scene, light, p, u, time);
+  const LightPoint at = sample_area_light<textured, kLeaves>(scene, light, p, u, time);
   LightPick l;
   const Vec3 d = at.p - p;
   const float d2 = length_squared(d);
   if (!(at.pdf > 0) || d2 == 0) return l;
   l.wi = d * (1.0f / sqrtf(d2));
   const uint32_t material = scene.objects[scene.geometry.leaves[light.leaf].object].material;
-  const TextureContext context{at.p, at.uv, at.color};
+  const TextureContext context{{at.p, at.uv, at.color, at.second}};
   l.radiance = emitted_radiance<textured>(scene, material, context, at.ng, -l.wi);
   if constexpr (textured) l.radiance *= surface_opacity(scene, scene.materials[material], context);
   l.pdf = at.pdf * pick_pdf;

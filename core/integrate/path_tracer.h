@@ -171,7 +171,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     return;
   }
   const Surface s = make_surface<Tracer::kLeafKind>(scene, path->ray, hit);
-  TextureContext context = texture_context(s);
+  TextureContext context = texture_context<Tracer::kTextured>(scene, s, hit);
   uint32_t index = s.material;
   if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
     index = resolve_mix(scene, index, context, path->sampler.get_1d(bounce_dimension(*path, kDimMix)));
@@ -229,7 +229,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
                                  dimension + step * kBounceDimensions + (kDimDistance - kDimMix));
     if (!hit.found() || is_black(left)) return left;
     const Surface s = make_surface(scene, ray, hit);
-    const TextureContext context = texture_context(s);
+    const TextureContext context = texture_context(scene, s, hit);
     uint32_t index = s.material;
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));

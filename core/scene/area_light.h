@@ -10,6 +10,7 @@ struct LightPoint {
   Vec3 p, error, ng;  // ng on the outward side
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};
+  SecondUv second;
   float pdf = 0;  // 1/sr as seen from the reference point; 0: none
 };
 
@@ -130,12 +131,22 @@ DST_FN LightPoint sample_sphere_light(const WorldSphere& s, Vec3 from, Vec2 u) {
   return l;
 }
 
-// A point of the light as seen from `from`. Fills uv and colour only if the material needs them.
-template <LeafKind kLeaves = LeafKind::Any>
+// What textures read at a point of a triangle. (One call, so that little must be kept over it.)
+DST_FN DST_COLD void add_attributes(const SceneView& scene, const LeafPrimitive& prim, Vec2 at, float time,
+                                    TriangleVertices vertices, LightPoint* light) {
+  const ObjectRecord& object = scene.objects[prim.object];
+  const Attributes a = interpolate_attributes(scene, object, prim.primitive, at, time, vertices, true);
+  light->uv = a.uv;
+  light->color = a.color;
+  if (scene.materials[object.material].flags & kReadsSecondUv) light->second = second_uv(scene, prim, at);
+}
+
+// A point of the light as seen from `from`. Fills uvs and colour only if the material needs them; kTextured: some may.
+template <bool kTextured, LeafKind kLeaves = LeafKind::Any>
 DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& light, Vec3 from, Vec2 u, float time) {
   const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
   const ObjectRecord& object = scene.objects[prim.object];
-  const bool textured = (scene.materials[object.material].flags & kNeedsUv) != 0;
+  const bool textured = kTextured && (scene.materials[object.material].flags & kNeedsUv) != 0;
   if (prim.is_sphere<kLeaves>()) {
     const WorldSphere s = world_sphere<kLeaves>(scene, light, prim, time);
     LightPoint l = is_ellipsoid<kLeaves>(scene, light, prim)
@@ -161,11 +172,7 @@ DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& lig
   l.p = triangle_point(v.a, v.b, v.c, b.x, b.y, &l.error);
   if (light.is_placed<kLeaves>()) l.error += abs(l.p) * gamma_bound(8);
   l.ng = n * (1.0f / len);
-  if (textured) {
-    const Attributes a = interpolate_attributes(scene, object, prim.primitive, b, time, v, true);
-    l.uv = a.uv;
-    l.color = a.color;
-  }
+  if (textured) add_attributes(scene, prim, b, time, v, &l);
   l.pdf = area_to_solid_angle(from, l.p, l.ng, 0.5f * len);
   return l;
 }

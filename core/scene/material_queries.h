@@ -67,6 +67,26 @@ struct HasDirection {
   }
 };
 
+// How many parameters a material or a texture has.
+struct ParamCount {
+  template <class T>
+  size_t operator()() const {
+    return T::params.size();
+  }
+};
+
+// Whether a texture is an image (or a row of them) that reads the second uv.
+struct ReadsSecondUv {
+  const Slot* slots;
+  const Image* images;
+  template <class T>
+  bool operator()() const {
+    if constexpr (std::is_same_v<T, ImageTexture> || std::is_same_v<T, UdimTexture>)
+      return images[static_cast<uint32_t>(slots[0].value.x)].second_uv != 0;
+    return false;
+  }
+};
+
 // True if the material has delta lobes only, wherever it is. Textured parameters make it false.
 struct IsDeltaOnly {
   const Slot* slots;

@@ -78,6 +78,16 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
   return s;
 }
 
+// The second uv of a mesh at a point of one of its triangles; others have none.
+DST_FN DST_COLD SecondUv second_uv(const SceneView& scene, LeafPrimitive prim, Vec2 at) {
+  const ObjectRecord& object = scene.objects[prim.object];
+  if (object.first_second_uv == kNoIndex) return {};
+  const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
+  const Vec3* t = scene.second_uvs + object.first_second_uv;
+  const Vec3 uv = t[index[0]] * (1.0f - at.x - at.y) + t[index[1]] * at.x + t[index[2]] * at.y;
+  return {{uv.x, uv.y}, uv.z};
+}
+
 // From a point p of a triangle to the smooth surface for which its vertex normals stand: the mean of what lifts p onto the
 // planes through the vertices (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), on the side of
 // `out`, a normal. Rays that start there see the horizon of the smooth surface, not of its facets.
@@ -176,6 +186,14 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
   return s;
 }
 
-DST_FN TextureContext texture_context(const Surface& s) { return {s.p, s.uv, s.color}; }
+// Where a surface's textures are evaluated. The second uv is looked up only for materials that read it. textured: some
+// may have textures.
+template <bool textured = true>
+DST_FN TextureContext texture_context(const SceneView& scene, const Surface& s, const Hit& hit) {
+  TextureContext c{{s.p, s.uv, s.color, {}}};
+  if (textured && (scene.materials[s.material].flags & kReadsSecondUv))
+    c.second = second_uv(scene, scene.geometry.leaves[hit.leaf], {hit.u, hit.v});
+  return c;
+}
 
 }  // namespace destello
