@@ -200,12 +200,23 @@ struct AskMaterial {
     r.wavelength = context.wavelength;
     constexpr int color = first_color<T>();
     if constexpr (color >= 0) r.albedo = bsdf.*T::params[color].v;
-    if (has_light) {
-      r.f = bsdf.eval(point.wo, light);
-      r.pdf = bsdf.pdf(point.wo, light);
+    if constexpr (requires { bsdf.see(point.wo); }) {
+      answer(bsdf, bsdf.see(point.wo), &r);
+    } else {
+      answer(bsdf, point.wo, &r);
     }
-    r.next = bsdf.sample(point.wo, numbers.lobe(path), numbers.direction(path));
     return r;
+  }
+
+ private:
+  // wo: the direction, or what the material has worked out about it.
+  template <class T, class Wo>
+  DST_HD void answer(const T& bsdf, const Wo& wo, MaterialSample* r) const {
+    if (has_light) {
+      r->f = bsdf.eval(wo, light);
+      r->pdf = bsdf.pdf(wo, light);
+    }
+    r->next = bsdf.sample(wo, numbers.lobe(path), numbers.direction(path));
   }
 };
 
