@@ -100,9 +100,12 @@ inline uint32_t HostNodeTest::boxes(const HostNode& node, float t_max, float* ne
 
 #endif
 
-// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first. host: all units.
+// Takes the nearest of the children in `mask` (not 0); the others go on the stack, farthest first, or, for any hit, as they come.
+// The only one comes without its distance: the next node's address should wait for as little as possible. host: all units.
+template <bool kAny>
 inline __attribute__((always_inline)) HostEntry nearest_child(const HostNode& node, uint32_t mask, const float* near,
                                                               HostEntry* stack, int* top, const HostUnit* host) {
+  if ((mask & (mask - 1)) == 0) return HostEntry::make(0, node.targets[__builtin_ctz(mask)]);
   const auto next = [&]() __attribute__((always_inline)) {
     const int slot = __builtin_ctz(mask);
     mask &= mask - 1;
@@ -113,9 +116,7 @@ inline __attribute__((always_inline)) HostEntry nearest_child(const HostNode& no
     *b = a->bits < b->bits ? *b : *a;
     *a = least;
   };
-  HostEntry best = next();
-  if (mask == 0) return best;
-  HostEntry second = next();
+  HostEntry best = next(), second = next();
   sort(&best, &second);
   int i = (*top)++;
   const int first = i;
@@ -125,7 +126,7 @@ inline __attribute__((always_inline)) HostEntry nearest_child(const HostNode& no
   while (mask != 0) {
     HostEntry e = next();
     sort(&best, &e);
-    for (i = (*top)++; i > first && stack[i - 1].bits < e.bits; --i) stack[i] = stack[i - 1];
+    for (i = (*top)++; !kAny && i > first && stack[i - 1].bits < e.bits; --i) stack[i] = stack[i - 1];
     stack[i] = e;
   }
   return best;

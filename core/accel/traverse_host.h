@@ -22,8 +22,10 @@ struct HostRay {
   }
 };
 
+// Inlined: a call would put the ray's registers away and get them back, as often as there are nodes.
 template <bool kAny>
-inline bool hit_triangle_blocks(const GeometryView& g, HostTarget target, const LocalRay& ray, Hit* hit) {
+inline __attribute__((always_inline)) bool hit_triangle_blocks(const GeometryView& g, HostTarget target,
+                                                               const LocalRay& ray, Hit* hit) {
   const TriangleBlock* block = reinterpret_cast<const TriangleBlock*>(g.host + target.place());
   bool found = hit_block(*block, ray, hit);
   if (target.kind() == HostKind::TwoBlocks && !(kAny && found)) found |= hit_block(block[1], ray, hit);
@@ -73,6 +75,7 @@ inline __attribute__((always_inline)) bool hit_leaf(const GeometryView& g, HostT
 // What a traversal must be ready for; code for all else is left out.
 enum class HostScene {
   OnlySpheres,  // GeometryView::only_blocks
+  NoSpheres,    // in blocks; no instances
   Flat,         // no instances
   Any
 };
@@ -80,7 +83,7 @@ enum class HostScene {
 template <bool kAny, HostScene kScene>
 inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
   constexpr bool kOnlySpheres = kScene == HostScene::OnlySpheres, kInstances = kScene == HostScene::Any;
-  const bool has_spheres = kOnlySpheres || g.blocks_of_node != nullptr;
+  const bool has_spheres = kOnlySpheres || (kScene != HostScene::NoSpheres && g.blocks_of_node != nullptr);
   HostEntry stack[kTraversalStack * 8];
   int top = 0, floor = 0;
   uint32_t instance = Hit::kNone;
@@ -100,8 +103,9 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
         nearer |= hit_triangle_blocks<kAny>(g, node.blocks, local.primitive, hit);
       }
       if (mask != 0 && !(kAny && nearer)) {
-        if (nearer) hit->instance = instance, found = true;
-        e = nearest_child(node, mask, near, stack, &top, g.host);
+        e = nearest_child<kAny>(node, mask, near, stack, &top, g.host);
+        if (!nearer) continue;
+        hit->instance = instance, found = true;
         if (e.near() <= hit->t) continue;
         nearer = false;
       }
@@ -109,8 +113,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       nearer = hit_leaf<kAny, kInstances>(g, e.target(), instance, local, hit, &instances);
     }
     if (nearer) {
-      hit->instance = instance;
-      found = true;
+      hit->instance = instance, found = true;
       if (kAny) return true;
     }
     if (kInstances && instances != 0) {
@@ -135,7 +138,7 @@ inline bool traverse_host_as(const GeometryView& g, const Ray& ray, Hit* hit) {
       }
       if (top == 0) return found;
       e = stack[--top];
-    } while (e.near() > hit->t);
+    } while (!kAny && e.near() > hit->t);  // a ray that looks for any hit stays as long as it was
   }
 }
 
@@ -144,7 +147,8 @@ template <bool kAny>
 inline bool traverse_host(const GeometryView& g, const Ray& ray, Hit* hit) {
   if (g.only_blocks) return traverse_host_as<kAny, HostScene::OnlySpheres>(g, ray, hit);
   if (g.has_instances) return traverse_host_as<kAny, HostScene::Any>(g, ray, hit);
-  return traverse_host_as<kAny, HostScene::Flat>(g, ray, hit);
+  if (g.blocks_of_node != nullptr) return traverse_host_as<kAny, HostScene::Flat>(g, ray, hit);
+  return traverse_host_as<kAny, HostScene::NoSpheres>(g, ray, hit);
 }
 
 }  // namespace destello

@@ -67,7 +67,7 @@ class RayStream {
       }
       if (kAny && nearer) return false;
       if (mask != 0) {
-        e_ = nearest_child(node, mask, near, stack_, &top_, g.host);
+        e_ = nearest_child<kAny>(node, mask, near, stack_, &top_, g.host);
         if (e_.near() <= hit->t) return true;
       }
     } else {

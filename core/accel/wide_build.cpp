@@ -115,13 +115,17 @@ class WideBuilder {
       children[0] = top;
       return 1;
     }
+    // The host tests up to sixteen triangles of a node, eight at a time, in its stead (host_tree.h). So what has up to eight is
+    // better not opened in nodes over more.
+    const auto is_whole = [&](const ItemRange& r) { return top.range.count > 16 && r.count <= 8; };
     // Keys: 0 is not to be opened; else areas, those of parts that fit a leaf below all others.
     constexpr uint32_t kInner = 1u << 31;
     uint32_t key[8] = {}, count = 1;
     const auto put = [&](uint32_t at, const Part& p) {
       children[at] = p;
       const uint32_t area = std::bit_cast<uint32_t>(p.range.box.half_area()) + 1;
-      key[at] = p.range.count == 1 ? 0 : p.is_inner() ? area | kInner : area;
+      const bool closed = p.range.count == 1 || (p.is_inner() && is_whole(p.range));
+      key[at] = closed ? 0 : p.is_inner() ? area | kInner : area;
     };
     const Bounds whole = top.range.box.bounds();
     const Parts halves = split(top);
