@@ -67,6 +67,8 @@ class WideBuilder {
   }
 
  private:
+  static constexpr uint32_t kBlock = 8;
+
   // A node of the top, or a task's subtree.
   struct Entry {
     bool is_task;
@@ -104,10 +106,19 @@ class WideBuilder {
 
   // True if the node over `top` has a leaf for each of its few boxes.
   bool is_row(const Part& top) const {
-    if (top.range.count > 8) return false;
+    if (top.range.count > kBlock) return false;
     const SplitItem* const items = ranges_.first_of(top.range);
     return std::none_of(items, items + top.range.count,
                         [&](const SplitItem& i) { return may_blur(top.range.box, i.box); });
+  }
+  // True if a part had better stay whole in the node over `top`. The host tests a node's triangles in its stead, eight at a time and
+  // up to sixteen (host_tree.h): halves that are larger together than the part would cost more. But what fills half of the node
+  // is hit too often to be a node of its own.
+  static bool is_one_block(const Part& top, const Part& part, const Parts& halves) {
+    if (part.range.count > kBlock || top.range.count <= 2 * kBlock) return false;
+    const float area = part.range.box.half_area();
+    return area < 0.5f * top.range.box.half_area() &&
+           halves.left.range.box.half_area() + halves.right.range.box.half_area() > area;
   }
   // The up to eight parts that become children of the node over `top`. Returns their number.
   uint32_t choose(const Part& top, Part* children, KeptParts* kept) {
@@ -115,17 +126,13 @@ class WideBuilder {
       children[0] = top;
       return 1;
     }
-    // The host tests up to sixteen triangles of a node, eight at a time, in its stead (host_tree.h). So what has up to eight is
-    // better not opened in nodes over more.
-    const auto is_whole = [&](const ItemRange& r) { return top.range.count > 16 && r.count <= 8; };
     // Keys: 0 is not to be opened; else areas, those of parts that fit a leaf below all others.
-    constexpr uint32_t kInner = 1u << 31;
-    uint32_t key[8] = {}, count = 1;
+    uint64_t key[8] = {};
+    uint32_t count = 1;
     const auto put = [&](uint32_t at, const Part& p) {
       children[at] = p;
-      const uint32_t area = std::bit_cast<uint32_t>(p.range.box.half_area()) + 1;
-      const bool closed = p.range.count == 1 || (p.is_inner() && is_whole(p.range));
-      key[at] = closed ? 0 : p.is_inner() ? area | kInner : area;
+      const uint64_t rank = p.is_inner() ? 2 : 1;
+      key[at] = p.range.count == 1 ? 0 : rank << 32 | std::bit_cast<uint32_t>(p.range.box.half_area());
     };
     const Bounds whole = top.range.box.bounds();
     const Parts halves = split(top);
@@ -135,7 +142,8 @@ class WideBuilder {
       if (key[best] == 0) break;
       Part& part = children[best];
       const Parts both = split(part);
-      if (part.is_inner() && blurs(whole, both.left.range.box.bounds(), both.right.range.box.bounds())) {
+      if (part.is_inner() && (blurs(whole, both.left.range.box.bounds(), both.right.range.box.bounds()) ||
+                              is_one_block(top, part, both))) {
         key[best] = 0;
         if (part.halves == nullptr) part.halves = &kept->emplace_back(both);
       } else {
