@@ -190,10 +190,10 @@ std::vector<uint32_t> slots_of(const Rows& lo, const Rows& hi) {
   need_columns(lo, 3);
   need_columns(hi, 3);
   if (lo.shape(0) != hi.shape(0) || lo.shape(0) > 8) throw std::invalid_argument("slots: at most 8 boxes");
-  Bounds parent;
-  Subtree children[8];
+  QuadBox parent;
+  WideChild children[8];
   const uint32_t count = static_cast<uint32_t>(lo.shape(0));
-  for (uint32_t i = 0; i < count; ++i) parent.grow(children[i].bounds = {row3(lo, i), row3(hi, i)});
+  for (uint32_t i = 0; i < count; ++i) parent.grow(children[i].box = QuadBox::of({row3(lo, i), row3(hi, i)}));
   const uint32_t slots = assign_slots(parent, children, count);
   std::vector<uint32_t> result;
   for (uint32_t i = 0; i < count; ++i) result.push_back(slots >> (4 * i) & 15);

@@ -29,9 +29,13 @@ uint32_t build_bvh(const std::vector<Bounds>& boxes, uint32_t first_leaf, std::v
     order->clear();
     *stats = {};
     if (!boxes.empty()) {
-      BoxTree tree = build_box_tree(boxes, options.quality, way == Medians, options.threads);
-      if (way == Optimized) optimize(&tree, options.threads);
-      collapse(tree, way == Optimized, root, first_leaf, options.threads, nodes, order, stats);
+      if (way == Optimized) {
+        BoxTree tree = build_box_tree(boxes, options.threads);
+        optimize(&tree, options.threads);
+        collapse(tree, root, first_leaf, options.threads, nodes, order, stats);
+      } else {
+        build_wide_tree(boxes, options.quality, way == Medians, root, first_leaf, options.threads, nodes, order, stats);
+      }
     }
     if (stats->depth <= kMaxWideDepth) break;
   }

@@ -24,8 +24,7 @@ class Collapser {
   Collapser(const BoxTree& tree, uint32_t first_leaf, uint32_t threads)
       : tree_(tree), first_leaf_(first_leaf), threads_(threads) {}
 
-  // From now on children are chosen by the cheapest cut.
-  void use_cuts() {
+  void make_cuts() {
     cuts_.resize(tree_.nodes.size());
     for (size_t i = tree_.nodes.size(); i-- > 0;) {
       const BoxNode& n = tree_.nodes[i];
@@ -111,9 +110,10 @@ class Collapser {
       WideTask& t = (*level)[i];
       const Subtree top = subtree(t.binary);
       Subtree children[8];
-      const uint32_t count =
-          cuts_.empty() ? choose_children([&](uint32_t n) { return subtree(n); }, top, children) : cut(top, children);
-      const uint32_t slots = assign_slots(top.bounds, children, count);
+      const uint32_t count = cut(top, children);
+      WideChild boxes[8];
+      for (uint32_t c = 0; c < count; ++c) boxes[c] = {QuadBox::of(children[c].bounds), children[c].count};
+      const uint32_t slots = assign_slots(QuadBox::of(top.bounds), boxes, count);
       t.used = t.inner = t.inners = t.leaves = 0;
       costs[part] += static_cast<double>(top.bounds.half_area() / root_area_);
       for (uint32_t c = 0; c < count; ++c) {
@@ -134,33 +134,36 @@ class Collapser {
     return cost;
   }
   Node8 make(const WideTask& t, uint32_t* order, WideTask* below) const {
-    Subtree by_slot[8];
+    WideChild children[8];
+    uint32_t count = 0, slots = 0;
     uint32_t* out = order + t.first_leaf;
     for (uint32_t s = 0; s < 8; ++s) {
       if (!(t.used >> s & 1)) continue;
-      by_slot[s] = subtree(t.by_slot[s]);
-      if (by_slot[s].is_inner()) {
-        (below++)->binary = t.by_slot[s];
-        continue;
-      }
       const BoxNode& b = tree_.nodes[t.by_slot[s]];
-      out = std::copy_n(tree_.order.data() + b.first, b.count, out);
+      slots |= s << (4 * count);
+      children[count++] = {QuadBox::of(b.bounds), b.count};
+      if (t.inner >> s & 1) {
+        (below++)->binary = t.by_slot[s];
+      } else {
+        out = std::copy_n(tree_.order.data() + b.first, b.count, out);
+      }
     }
-    return make_node(tree_.nodes[t.binary].bounds, by_slot, t.first_child, first_leaf_ + t.first_leaf);
+    const QuadBox bounds = QuadBox::of(tree_.nodes[t.binary].bounds);
+    return make_host_node(bounds, children, count, slots, t.first_child, first_leaf_ + t.first_leaf);
   }
 
   const BoxTree& tree_;
   uint32_t first_leaf_, threads_;
   float root_area_ = 0;
-  RawVector<Cut> cuts_;  // by node; empty: the largest children are opened
+  RawVector<Cut> cuts_;  // by node
 };
 
 }  // namespace
 
-void collapse(const BoxTree& tree, bool cheapest_cut, uint32_t root, uint32_t first_leaf, uint32_t threads,
-              std::vector<Node8>* nodes, std::vector<uint32_t>* order, BvhStats* stats) {
+void collapse(const BoxTree& tree, uint32_t root, uint32_t first_leaf, uint32_t threads, std::vector<Node8>* nodes,
+              std::vector<uint32_t>* order, BvhStats* stats) {
   Collapser collapser(tree, first_leaf, threads);
-  if (cheapest_cut) collapser.use_cuts();
+  collapser.make_cuts();
   collapser.run(root, nodes, order, stats);
 }
 

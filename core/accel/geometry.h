@@ -11,6 +11,13 @@ namespace destello {
 
 enum class PrimitiveKind : uint32_t { Triangle, Sphere, MovingTriangle, Instance };
 
+// What the leaves of a scene are: kernels for one kind leave out what they have no use for.
+enum class LeafKind {
+  Any,
+  Triangles,  // that do not move; no instances
+  Spheres,    // nothing else, no instances: GeometryView::sphere_tree
+};
+
 // One primitive, stored in leaf order so that a leaf is read in one go. 48 bytes: three 16-byte loads. Of an instance a and b
 // are the corners of its box in the world, over the shutter: entering costs more than a look at the box.
 struct alignas(16) LeafPrimitive {
@@ -22,6 +29,11 @@ struct alignas(16) LeafPrimitive {
   uint32_t kind_and_extra = 0;  // bits 0-1: PrimitiveKind; above: MovingTriangle's index into GeometryView::moving
 
   DST_HD PrimitiveKind kind() const { return static_cast<PrimitiveKind>(kind_and_extra & 3); }
+  // Where all leaves are of that kind.
+  template <LeafKind kLeaves>
+  DST_HD bool is_sphere() const {
+    return kLeaves == LeafKind::Spheres || (kLeaves == LeafKind::Any && kind() == PrimitiveKind::Sphere);
+  }
   DST_HD uint32_t extra() const { return kind_and_extra >> 2; }
 };
 static_assert(sizeof(LeafPrimitive) == 48);
@@ -96,8 +108,9 @@ struct GeometryView {
 };
 
 // The vertices of a (moving) triangle at a time.
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN TriangleVertices triangle_at(const GeometryView& g, const LeafPrimitive& p, float time) {
-  if (p.kind() == PrimitiveKind::Triangle) return {p.a, p.b, p.c};
+  if (kLeaves == LeafKind::Triangles || p.kind() == PrimitiveKind::Triangle) return {p.a, p.b, p.c};
   const TriangleVertices& e = g.moving[p.extra()];
   return {lerp(p.a, e.a, time), lerp(p.b, e.b, time), lerp(p.c, e.c, time)};
 }

@@ -1,4 +1,4 @@
-// In which slots of a wide node its children lie, for the host: all gains of children and slots side by side.
+// Wide nodes for the host, four or eight floats at a time: in which slots children lie, and the node's bytes.
 #pragma once
 
 #include <algorithm>
@@ -33,38 +33,77 @@ struct Octet {
   }
 };
 
+// A child of a node to be made: its box and the primitives below.
+struct WideChild {
+  QuadBox box;
+  uint32_t count;
+};
+
 // Children's slots by the octants in which they lie; greedily, as best_slot says. Child i's slot is bits 4 i to 4 i + 3 of the
 // result.
-inline uint32_t assign_slots(const Bounds& parent, const Subtree* children, uint32_t count) {
-  const Vec3 center = parent.center();
-  alignas(16) float d[3][8] = {};
+inline uint32_t assign_slots(const QuadBox& parent, const WideChild* children, uint32_t count) {
+  const Quad x = {-1, 1, -1, 1}, y = {-1, -1, 1, 1}, middle = parent.center();
+  Octet gain[8];  // of the slots, by child
+  alignas(16) float most[8] = {-kInfinity, -kInfinity, -kInfinity, -kInfinity,
+                               -kInfinity, -kInfinity, -kInfinity, -kInfinity};
   for (uint32_t c = 0; c < count; ++c) {
-    const Vec3 to_child = children[c].bounds.center() - center;
-    for (int k = 0; k < 3; ++k) d[k][c] = to_child[k];
-  }
-  const Octet x = Octet::load(d[0]), y = Octet::load(d[1]), z = Octet::load(d[2]);
-  Octet gain[8];  // of the children, by slot
-  for (uint32_t s = 0; s < 8; ++s) {
-    const Quad sx = quad(s & 1 ? 1.0f : -1.0f), sy = quad(s & 2 ? 1.0f : -1.0f), sz = quad(s & 4 ? 1.0f : -1.0f);
-    gain[s] = {x.low * sx + y.low * sy + z.low * sz, x.high * sx + y.high * sy + z.high * sz};
+    const Quad d = children[c].box.center() - middle, flat = quad(d[0]) * x + quad(d[1]) * y;
+    gain[c] = {flat - quad(d[2]), flat + quad(d[2])};
+    most[c] = gain[c].most();
   }
   uint32_t slots = 0, waiting = (1u << count) - 1, open = 255;
   while (waiting != 0) {
-    Octet best;
-    for (uint32_t s = 0; s < 8; ++s) best = greatest(best, gain[s]);
-    best = best.only(waiting);
+    const Octet all = Octet::load(most);
     // Boxes that reach to infinity may have no best one.
-    const float most = best.most();
-    const uint32_t winners = best.equal(most) & waiting;
+    const uint32_t winners = all.equal(all.most()) & waiting;
     const uint32_t child = static_cast<uint32_t>(std::countr_zero(winners != 0 ? winners : waiting));
-    uint32_t wins = 0;  // bit s: slot s is the best one
-    for (uint32_t s = 0; s < 8; ++s) wins |= (gain[s].equal(most) >> child & 1) << s;
-    const uint32_t slot = static_cast<uint32_t>(std::countr_zero(wins & open ? wins & open : open));
+    const Octet free = gain[child].only(open);
+    const float best = free.most();
+    if (best < most[child]) {  // where it gained more is taken
+      most[child] = best;
+      continue;
+    }
+    const uint32_t wins = free.equal(best) & open;
+    const uint32_t slot = static_cast<uint32_t>(std::countr_zero(wins != 0 ? wins : open));
     slots |= slot << (4 * child);
     waiting &= ~(1u << child), open &= ~(1u << slot);
-    gain[slot] = {};
+    most[child] = -kInfinity;
   }
   return slots;
+}
+
+// The grid's planes on either side of a box: NodeGrid::below and above, for all axes.
+inline void planes_around(const NodeGrid& grid, const QuadBox& box, Int4* lo, Int4* hi) {
+  const auto scale = [&](int k) { return bits_to_float((254u - grid.exponent[k]) << 23); };
+  const Quad origin = {grid.origin[0], grid.origin[1], grid.origin[2], 0}, steps = {scale(0), scale(1), scale(2), 0};
+  const auto inside = [](Quad x) { return least(greatest(x, quad(0)), quad(255)); };
+  const Quad below = inside((box.lo - origin) * steps - quad(NodeGrid::kSlack));
+  const Quad above = inside((box.hi - origin) * steps + quad(NodeGrid::kSlack));
+  *lo = __builtin_convertvector(below, Int4);
+  const Int4 low = __builtin_convertvector(above, Int4);
+  *hi = low - (__builtin_convertvector(low, Quad) < above);  // a comparison that holds is -1
+}
+
+// The bytes of make_node, from children and what assign_slots says of them.
+inline Node8 make_host_node(const QuadBox& bounds, const WideChild* children, uint32_t count, uint32_t slots,
+                            uint32_t first_child, uint32_t first_leaf) {
+  Node8 node;
+  const NodeGrid grid(bounds.bounds());
+  grid.write_to(&node);
+  node.first_child = first_child, node.first_leaf = first_leaf;
+  for (uint32_t c = 0; c < count; ++c) {
+    const uint32_t slot = slots >> (4 * c) & 15;
+    Subtree subtree;
+    subtree.count = children[c].count;
+    node.used |= 1u << slot;
+    node.children |= child_bits(subtree, slot);
+    Int4 lo, hi;
+    planes_around(grid, children[c].box, &lo, &hi);
+    for (int k = 0; k < 3; ++k)
+      node.lo[k][slot] = static_cast<uint8_t>(lo[k]), node.hi[k][slot] = static_cast<uint8_t>(hi[k]);
+  }
+  node.inner_mask = static_cast<uint8_t>(node.children >> 24);
+  return node;
 }
 
 }  // namespace destello

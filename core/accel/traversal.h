@@ -25,13 +25,6 @@ struct PrimitiveGroup {
   }
 };
 
-// What the leaves of a scene are: traversal leaves out what it has no use for.
-enum class LeafKind {
-  Any,
-  Triangles,  // that do not move; no instances
-  Spheres,    // nothing else, no instances: GeometryView::sphere_tree
-};
-
 // A ray's way through the tree in steps, so that a warp can look up between them which of its lanes are done.
 template <LeafKind kLeaves>
 struct Traversal {

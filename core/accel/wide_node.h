@@ -28,41 +28,6 @@ DST_FN bool blurs(const Bounds& parent, const Bounds& left, const Bounds& right)
   return inflated > kBlur * (left.half_area() + right.half_area());
 }
 
-// The up to eight subtrees that become children of the node over `root`: the largest is opened until there are eight;
-// subtrees that fit a leaf are opened last. `tree(i)` returns the Subtree of index i. Returns their number.
-template <class Tree>
-DST_FN uint32_t choose_children(const Tree& tree, const Subtree& root, Subtree* children) {
-  if (root.count <= 1) {
-    children[0] = root;
-    return root.count;
-  }
-  // Keys: 0 is not to be opened; else areas, those of subtrees that fit a leaf below all others.
-  constexpr uint32_t kInner = 1u << 31;
-  uint32_t key[8] = {};
-  const auto put = [&](uint32_t at, uint32_t index) {
-    const Subtree s = children[at] = tree(index);
-    const uint32_t area = static_cast<uint32_t>(float_to_bits(s.bounds.half_area())) + 1;
-    const bool closed = s.count == 1 || (s.is_inner() && blurs(root.bounds, tree(s.left).bounds, tree(s.right).bounds));
-    key[at] = closed ? 0 : s.is_inner() ? area | kInner : area;
-  };
-  put(0, root.left);
-  put(1, root.right);
-  uint32_t count = 2;
-  while (count < 8) {
-    uint32_t best = 0, largest = 0;
-    DST_UNROLL
-    for (uint32_t i = 0; i < 8; ++i) {
-      best = key[i] > largest ? i : best;
-      largest = key[i] > largest ? key[i] : largest;
-    }
-    if (largest == 0) break;
-    const Subtree opened = children[best];
-    put(best, opened.left);
-    put(count++, opened.right);
-  }
-  return count;
-}
-
 // The free slot whose octant lies furthest the way `d` points, and by how much. Children take slots greedily: the pair of
 // child and slot that gains most goes first (Ylitie et al. 2017, section 3.2).
 DST_FN uint32_t best_slot(Vec3 d, uint32_t taken, float* gain) {
@@ -84,6 +49,8 @@ DST_FN int ceil_log2(float x) {
 
 // The grid on which a node over `bounds` stores its children's boxes.
 struct NodeGrid {
+  static constexpr float kSlack = 1.0f / 64;
+
   float origin[3];
   uint32_t exponent[3];  // biased, as Node8 has them
 
@@ -117,8 +84,6 @@ struct NodeGrid {
   }
 
  private:
-  static constexpr float kSlack = 1.0f / 64;
-
   DST_HD float place(int axis, float x) const {
     return (x - origin[axis]) * bits_to_float((254u - exponent[axis]) << 23);
   }
@@ -139,25 +104,6 @@ inline Bounds child_box(const Node8& node, uint32_t slot) {
 // The child's part of Node8::children; it is not empty.
 DST_FN uint32_t child_bits(const Subtree& child, uint32_t slot) {
   return child.is_inner() ? 1u << (24 + slot) : ((1u << child.count) - 1) << (3 * slot);
-}
-
-// A node whose child in slot s is by_slot[s]. Inner children are nodes from `first_child` on, primitives of the leaf
-// children lie from `first_leaf` on, both in slot order.
-DST_FN Node8 make_node(const Bounds& bounds, const Subtree* by_slot, uint32_t first_child, uint32_t first_leaf) {
-  Node8 node;
-  const NodeGrid grid(bounds);
-  grid.write_to(&node);
-  node.first_child = first_child;
-  node.first_leaf = first_leaf;
-  for (uint32_t s = 0; s < 8; ++s) {
-    const Subtree& child = by_slot[s];
-    if (child.empty()) continue;
-    node.used |= 1u << s;
-    node.children |= child_bits(child, s);
-    grid.write_box(child.bounds, s, &node);
-    if (child.is_inner()) node.inner_mask = static_cast<uint8_t>(node.inner_mask | (1u << s));
-  }
-  return node;
 }
 
 }  // namespace destello

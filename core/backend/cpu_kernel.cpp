@@ -26,6 +26,7 @@ namespace {
 template <bool kIsSimple>
 struct HostTracer {
   static constexpr bool kSimple = kIsSimple, kTextured = true;
+  static constexpr LeafKind kLeafKind = LeafKind::Any;
   using Materials = MaterialsOf<kIsSimple>;
   static bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<false>(g, ray, hit); }
   static bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<true>(g, ray, hit); }

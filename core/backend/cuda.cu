@@ -155,7 +155,12 @@ class CudaBackend final : public Backend {
   }
 
   Wave launch_queue_kernel(const KernelParams& p) const {
-    if (!p.scene.simple) return launch_queues<true, SceneKind::Any, LeafKind::Any>(p, multiprocessors_, passes_.get());
+    if (!p.scene.simple) {
+      const auto launch = scene_->leaf_kind() == LeafKind::Triangles
+                              ? launch_queues<true, SceneKind::Any, LeafKind::Triangles>
+                              : launch_queues<true, SceneKind::Any, LeafKind::Any>;
+      return launch(p, multiprocessors_, passes_.get());
+    }
     return p.scene.plain ? launch_queues_of<SceneKind::Plain>(p) : launch_queues_of<SceneKind::Simple>(p);
   }
   template <SceneKind kKind>

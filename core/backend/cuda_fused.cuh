@@ -27,6 +27,7 @@ __device__ __noinline__ inline bool any_hit(const GeometryView& g, Ray ray) {
 
 struct FusedTracer {
   static constexpr bool kSimple = false, kTextured = true;
+  static constexpr LeafKind kLeafKind = LeafKind::Any;
   using Materials = destello::Materials;
   static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
     *hit = closest_hit(g, ray);

@@ -43,11 +43,14 @@ struct QueueState {
 };
 
 // How a block uses its shared memory on devices of an architecture (10 * compute capability). What it leaves is first-level
-// cache, and worth something too: more to long ways through large trees, where there are no shadow rays to keep lanes busy.
-// kShadows: lights are sampled.
-template <bool kShadows, LeafKind kLeaves, uint32_t kArchitecture>
+// cache, and worth something too: more to long ways through large trees, where there are no shadow rays to keep lanes busy, and
+// most to heavy materials, whose parameters lie in local memory. kShadows: lights are sampled.
+template <bool kShadows, SceneKind kKind, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kHopper = kShadows ? 112 : kLeaves == LeafKind::Spheres ? 97 : 80;
+  static constexpr size_t kHopper = kKind == SceneKind::Any        ? 64
+                                    : kShadows                     ? 112
+                                    : kLeaves == LeafKind::Spheres ? 105
+                                                                   : 80;
   static constexpr size_t kBudget = 1024 * (kArchitecture >= 900 ? kHopper : kArchitecture >= 800 ? 80 : 31);
   static constexpr size_t kSlotBytes = sizeof(uint32_t) * (kShadows ? kSlotWordsWithShadow : kSlotWords);
   static constexpr size_t kListBytes = sizeof(uint16_t) * ((kShadows ? 2 : 1) + 2 + kShadeClasses);
@@ -69,11 +72,11 @@ struct QueueNeeds {
     return {Layout::kMemory, Layout::kSlots, Layout::kSlotBytes + Layout::kListBytes};
   }
 };
-template <bool kShadows, LeafKind kLeaves>
+template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
 QueueNeeds queue_needs(uint32_t architecture) {
-  return architecture >= 900   ? QueueNeeds::of<QueueLayout<kShadows, kLeaves, 900>>()
-         : architecture >= 800 ? QueueNeeds::of<QueueLayout<kShadows, kLeaves, 800>>()
-                               : QueueNeeds::of<QueueLayout<kShadows, kLeaves, 750>>();
+  return architecture >= 900   ? QueueNeeds::of<QueueLayout<kShadows, kKind, kLeaves, 900>>()
+         : architecture >= 800 ? QueueNeeds::of<QueueLayout<kShadows, kKind, kLeaves, 800>>()
+                               : QueueNeeds::of<QueueLayout<kShadows, kKind, kLeaves, 750>>();
 }
 
 #if defined(__CUDA_ARCH__)
@@ -87,7 +90,9 @@ template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
 class QueueBlock {
  public:
   // More threads share the registers where shading is short.
-  static constexpr uint32_t kThreads = kShadows && kKind != SceneKind::Plain ? 192 : 256;
+  static constexpr uint32_t kThreads = kKind != SceneKind::Plain                   ? (kShadows ? 192 : 256)
+                                       : !kShadows && kLeaves == LeafKind::Spheres ? 320
+                                                                                   : 256;
 
   __device__ void run() {
     start();
@@ -112,9 +117,10 @@ class QueueBlock {
  private:
   struct Tracer {
     static constexpr bool kSimple = kKind != SceneKind::Any, kTextured = kKind != SceneKind::Plain;
+    static constexpr LeafKind kLeafKind = kLeaves;
     using Materials = std::conditional_t<kKind == SceneKind::Plain, PlainMaterials, MaterialsOf<kSimple>>;
   };
-  using Layout = QueueLayout<kShadows, kLeaves, kArchitecture>;
+  using Layout = QueueLayout<kShadows, kKind, kLeaves, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;
   using Slots = destello::Slots<kSlots>;
   using State = typename Layout::State;

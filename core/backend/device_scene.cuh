@@ -44,6 +44,7 @@ class DeviceScene {
     view_.normals = keep(&normals_, a.normals);
     view_.tangents = keep(&tangents_, a.tangents);
     view_.uvs = keep(&uvs_, a.uvs);
+    view_.second_uvs = keep(&second_uvs_, a.second_uvs);
     view_.colors = keep(&colors_, a.colors);
     view_.objects.data = keep(&objects_, a.objects, c.objects);
     view_.materials.data = keep(&materials_, a.materials, c.materials);
@@ -100,7 +101,7 @@ class DeviceScene {
   DeviceBuffer<uint32_t> sphere_leaves_;
   DeviceBuffer<ObjectRecord> objects_;
   DeviceBuffer<uint32_t> triangles_, suns_;
-  DeviceBuffer<Vec3> normals_, environment_texels_;
+  DeviceBuffer<Vec3> normals_, second_uvs_, environment_texels_;
   DeviceBuffer<Vec2> uvs_;
   DeviceBuffer<Vec4> tangents_, colors_;
   DeviceBuffer<MaterialRecord> materials_;

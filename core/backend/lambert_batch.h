@@ -11,14 +11,14 @@ namespace destello {
 template <uint32_t kCount>
 class LambertBatch {
  public:
-  // Whether a hit is one of those: a sphere of the world, or a triangle without tangents and without normals that move.
+  // Whether a hit is one of those: a sphere of the world, or a triangle without normals that move.
   static bool takes(const SceneView& scene, const Path& path, const Hit& hit) {
     if (!hit.found() || !path.inside.empty()) return false;
     const LeafPrimitive& prim = scene.geometry.leaves[hit.leaf];
     const ObjectRecord& object = scene.objects[prim.object];
     if (!(scene.materials[object.material].flags & kIsLambert)) return false;
     if (prim.kind() == PrimitiveKind::Sphere) return hit.instance == Hit::kNone;
-    return object.first_tangent == kNoIndex && object.first_normal_end == kNoIndex;
+    return object.first_normal_end == kNoIndex;
   }
 
   // Shades the paths who[0] to who[n - 1], whose numbers come in that order; their hits are such. aovs: or null.
@@ -61,7 +61,6 @@ class LambertBatch {
     throughput_.set(j, path.throughput);
     reflectance_.set(j, scene.textures.slots[scene.materials[object.material].first_slot].value);
     is_smooth_[j] = is_placed_[j] = is_sphere_[j] = 0;
-    along_u_[j] = along_v_[j] = 0;
     if (prim.kind() == PrimitiveKind::Sphere) {
       any_sphere_ = true;
       is_sphere_[j] = 1;
@@ -84,24 +83,14 @@ class LambertBatch {
       world_.set(j, instance.world_at(path.ray.time));
       local_.set(j, instance.local_at(path.ray.time));
     }
-    const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
-    if (object.first_uv != kNoIndex) load_tangent(j, scene.uvs + object.first_uv, index);
     if (object.first_normal == kNoIndex) return;
     any_smooth_ = true;
     is_smooth_[j] = 1;
+    const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
     const Vec3* normals = scene.normals + object.first_normal;
     na_.set(j, normals[index[0]]), nb_.set(j, normals[index[1]]), nc_.set(j, normals[index[2]]);
     seen_along_.set(j, is_placed_[j] != 0 ? local_[j].vector(path.ray.direction) : path.ray.direction);
   }
-  // As interpolate_attributes: the tangent is the edge to b times along_u, less that to c times along_v.
-  void load_tangent(uint32_t j, const Vec2* uvs, const uint32_t* index) {
-    const Vec2 d1 = uvs[index[1]] - uvs[index[0]], d2 = uvs[index[2]] - uvs[index[0]];
-    const float det = d1.x * d2.y - d1.y * d2.x;
-    if (det == 0) return;
-    along_u_[j] = d2.y, along_v_[j] = d1.y;
-    winding_[j] = copysignf(1.0f, det);
-  }
-
   // As make_surface of triangles, before their instance places them.
   template <bool kSmooth>
   void make_triangles(uint32_t n) {
@@ -127,7 +116,6 @@ class LambertBatch {
         has_normal_[j] = 0;
       }
       p_.set(j, p), error_.set(j, error), ng_.set(j, ng);
-      tangent_.set(j, ((b - a) * along_u_[j] - (c - a) * along_v_[j]) * winding_[j]);
     }
   }
   // As make_surface of spheres: a, b.x and c are centre, radius and (about) the point.
@@ -159,7 +147,6 @@ class LambertBatch {
       ng_.set(j, choose(mine, normalize(local.transposed_vector(ng)), ng));
       ns_.set(j, choose(mine, local.transposed_vector(ns), ns));
       has_normal_[j] = mine ? 1.0f : has_normal_[j];
-      tangent_.set(j, choose(mine, world.vector(tangent_[j]), tangent_[j]));
       lift_.set(j, choose(mine, world.vector(lift_[j]), lift_[j]));
     }
   }
@@ -172,7 +159,7 @@ class LambertBatch {
       const Vec3 ns = choose(has_normal_[j] != 0, face_towards(normalize(raw), ng), raw);
       const float to_path = dot(direction_[j], ng) < 0 ? 1.0f : -1.0f;
       const Vec3 z = ns * to_path;
-      const Frame frame = Frame::from_zx<true>(z, tangent_[j]);
+      const Frame frame = Frame::from_z(z);
       x_.set(j, frame.x), y_.set(j, frame.y), z_.set(j, z);
       side_.set(j, choose(is_zero(lift), ng, ns) * to_path);
       above_.set(j, above);
@@ -276,11 +263,11 @@ class LambertBatch {
 
   // What load gathers; is_...: 1 or 0.
   Vec3s a_, b_, c_, na_, nb_, nc_, direction_, seen_along_, throughput_, reflectance_;
-  Floats u_, v_, flip_, time_, distance_, along_u_, along_v_, winding_, is_smooth_, is_placed_, is_sphere_;
+  Floats u_, v_, flip_, time_, distance_, is_smooth_, is_placed_, is_sphere_;
   TransformArray<kCount> world_, local_;
   bool any_smooth_ = false, any_placed_ = false, any_sphere_ = false;
   // The surfaces, and whether ns is another normal than ng (1 or 0).
-  Vec3s p_, error_, ng_, ns_, lift_, tangent_;
+  Vec3s p_, error_, ng_, ns_, lift_;
   Floats has_normal_;
   // The shading points: frame, ShadingPoint::side, where lights are seen from, where rays to the path's side start.
   Vec3s x_, y_, z_, side_, above_, origin_;

@@ -116,19 +116,13 @@ struct Frame {
     const float b = n.x * n.y * a;
     return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}, n};
   }
-  // Basis whose x axis follows `tangent` (any length; 0 or parallel to n: any basis). kSideBySide: see warp.h.
-  template <bool kSideBySide = false>
+  // Basis whose x axis follows `tangent` (any length, not parallel to n).
   DST_HD static Frame from_zx(Vec3 n, Vec3 tangent) {
     const Vec3 t = tangent - n * dot(n, tangent);
     const float len2 = length_squared(t);
-    const bool across = len2 > 1e-12f * length_squared(tangent);
-    if (!kSideBySide && !across) return from_z(n);
-    const Vec3 x = t * (1.0f / sqrtf(len2)), y = cross(n, x);
-    if constexpr (kSideBySide) {
-      const Frame any = from_z(n);
-      return {choose(across, x, any.x), choose(across, y, any.y), n};
-    }
-    return {x, y, n};
+    if (!(len2 > 1e-12f * length_squared(tangent))) return from_z(n);
+    const Vec3 x = t * (1.0f / sqrtf(len2));
+    return {x, cross(n, x), n};
   }
   DST_HD DST_HOT Vec3 to_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
   DST_HD DST_HOT Vec3 to_local(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }

@@ -36,17 +36,17 @@ DST_FN LightPick pick_from_sample(const LightSample& s, Vec3 p, float pick_pdf) 
   return l;
 }
 
-template <bool textured>
+template <bool textured, LeafKind kLeaves>
 DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p, Vec2 u, float time, float pick_pdf) {
   const AreaLight& light = scene.area_lights[index];
-  const LightPoint at = sample_area_light(scene, light, p, u, time);
+  const LightPoint at = sample_area_light<textured, kLeaves>(scene, light, p, u, time);
   LightPick l;
   const Vec3 d = at.p - p;
   const float d2 = length_squared(d);
   if (!(at.pdf > 0) || d2 == 0) return l;
   l.wi = d * (1.0f / sqrtf(d2));
   const uint32_t material = scene.objects[scene.geometry.leaves[light.leaf].object].material;
-  const TextureContext context{at.p, at.uv, at.color};
+  const TextureContext context{{at.p, at.uv, at.color, at.second}};
   l.radiance = emitted_radiance<textured>(scene, material, context, at.ng, -l.wi);
   if constexpr (textured) l.radiance *= surface_opacity(scene, scene.materials[material], context);
   l.pdf = at.pdf * pick_pdf;
@@ -56,7 +56,7 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
 }
 
 // Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray. textured: see emitted_radiance.
-template <bool textured>
+template <bool textured, LeafKind kLeaves = LeafKind::Any>
 DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick,
                                      Vec2 u) {
   const Span<AliasEntry> table = light_table(scene, mode).pick;
@@ -66,7 +66,7 @@ DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode,
   if (index < scene.first_area_light())
     return pick_from_sample(scene.punctual[index].visit(SamplePunctual{p, u}), p, pick_pdf);
   if (index < scene.environment_light())
-    return pick_area_light<textured>(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
+    return pick_area_light<textured, kLeaves>(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
   return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
 }
 
@@ -140,7 +140,7 @@ struct LastScattering {
 };
 
 // Radiance that a surface emits towards the path, weighted. `light`: its number among the area lights, or kNoIndex.
-template <bool textured>
+template <bool textured, LeafKind kLeaves = LeafKind::Any>
 DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, LastScattering last, TexturePlace at,
                                   Vec3 ng, uint32_t material, uint32_t light) {
   const Vec3 w = -last.direction;
@@ -148,7 +148,7 @@ DST_FN DST_COLD Vec3 hit_emission(const SceneView& scene, LightSampling mode, La
   if (is_black(radiance) || light == kNoIndex || last.bsdf_pdf == kInfinity || mode == LightSampling::Bsdf)
     return radiance;
   const Vec3 from = at.position + w * last.distance;
-  const float pdf = area_light_pdf(scene, scene.area_lights[light], from, at.position, ng, last.time);
+  const float pdf = area_light_pdf<kLeaves>(scene, scene.area_lights[light], from, at.position, ng, last.time);
   return radiance * hit_weight(scene, mode, last.bsdf_pdf, scene.first_area_light() + light, pdf);
 }
 

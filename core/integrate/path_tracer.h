@@ -6,6 +6,7 @@
 // `Tracer` is the backend's traversal: static bool closest(const GeometryView&, const Ray&, Hit*) and any(...), and
 // static constexpr bool kSimple: the scene has neither media, holes, mixes, normal maps nor heavy materials
 // (SceneView::simple), and the code for them is left out; kTextured: parameters of materials may have textures;
+// kLeafKind: what the scene's leaves are;
 // `Materials`: the list of the materials that a scene may have.
 #pragma once
 
@@ -100,8 +101,8 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   LightPick light;
   const Vec3 above = s.p + s.lift;
   if (!(m.flags & kDeltaOnly) && lights_are_sampled(scene, settings))
-    light = pick_light<Tracer::kTextured>(scene, settings.light_sampling, above, path->ray.time,
-                                          numbers.light_pick(*path), numbers.light(*path));
+    light = pick_light<Tracer::kTextured, Tracer::kLeafKind>(scene, settings.light_sampling, above, path->ray.time,
+                                                             numbers.light_pick(*path), numbers.light(*path));
   const BentDirection to_light = entering(point, light.wi);
   const bool has_light = light.pdf > 0 && !is_black(light.radiance) && to_light.density > 0;
   const MaterialSample answer =
@@ -169,8 +170,8 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     path->alive = false;
     return;
   }
-  const Surface s = make_surface(scene, path->ray, hit);
-  TextureContext context = texture_context(s);
+  const Surface s = make_surface<Tracer::kLeafKind>(scene, path->ray, hit);
+  TextureContext context = texture_context<Tracer::kTextured>(scene, s, hit);
   uint32_t index = s.material;
   if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
     index = resolve_mix(scene, index, context, path->sampler.get_1d(bounce_dimension(*path, kDimMix)));
@@ -184,10 +185,11 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     }
   }
   if (m.flags & kHasEmission)
-    path->radiance += path->throughput * hit_emission<Tracer::kTextured>(scene, settings.light_sampling,
-                                                                         {path->ray.direction, path->travelled + hit.t,
-                                                                          path->bsdf_pdf, path->ray.time},
-                                                                         context, s.ng, index, s.light);
+    path->radiance +=
+        path->throughput * hit_emission<Tracer::kTextured, Tracer::kLeafKind>(
+                               scene, settings.light_sampling,
+                               {path->ray.direction, path->travelled + hit.t, path->bsdf_pdf, path->ray.time}, context,
+                               s.ng, index, s.light);
   uint32_t outside = kNoIndex;  // the interior that the path comes from, or would go to
   if (m.flags & kIsBoundary) {
     outside = interior_beyond(scene, path->inside, m.interior, s.front);
@@ -227,7 +229,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
                                  dimension + step * kBounceDimensions + (kDimDistance - kDimMix));
     if (!hit.found() || is_black(left)) return left;
     const Surface s = make_surface(scene, ray, hit);
-    const TextureContext context = texture_context(s);
+    const TextureContext context = texture_context(scene, s, hit);
     uint32_t index = s.material;
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));

@@ -47,15 +47,14 @@ DST_FN float ray_footprint(const SceneView& scene, const RenderSettings& setting
 // The surface as a BSDF sees it.
 struct ShadingPoint {
   Surface surface;
-  Frame frame;  // z on the path's side
-  Vec3 wo;      // local
-  Vec3 side;    // unit: what a direction must be above to be reflected, below to be transmitted
+  Frame frame;        // z on the path's side
+  Vec3 wo;            // local
+  Vec3 side;          // unit: what a direction must be above to be reflected, below to be transmitted
+  bool bent = false;  // the shading normal's horizon is another one
   Vec3 normal,
       tangent;  // what maps have made of the surface's, on the path's side; frame's own unless layers are apart
   BsdfContext context;
 
-  // Whether the shading normal's horizon is another one.
-  DST_HD bool is_bent() const { return side.x != frame.z.x || side.y != frame.z.y || side.z != frame.z.z; }
   // Where rays to the path's side start, or those to the far side.
   DST_HD Vec3 origin(bool reflected) const {
     const Vec3 to = surface.front == reflected ? surface.ng : -surface.ng;
@@ -67,7 +66,7 @@ struct ShadingPoint {
 DST_FN BentDirection leaving(const ShadingPoint& point, Vec3 local) {
   const float side = local.z < 0 ? -1.0f : 1.0f;
   BentDirection b{point.frame.to_world(local), 1};
-  if (point.is_bent()) {
+  if (point.bent) {
     b = bend_horizon(point.side, point.frame.z, b.w * side, false);
     b.w = b.w * side;
   }
@@ -80,7 +79,7 @@ DST_FN BentDirection leaving(const ShadingPoint& point, Vec3 local) {
 DST_FN BentDirection entering(const ShadingPoint& point, Vec3 w) {
   const float side = dot(w, point.side) < 0 ? -1.0f : 1.0f;
   BentDirection b{w, 1};
-  if (point.is_bent()) {
+  if (point.bent) {
     b = bend_horizon(point.side, point.frame.z, w * side, true);
     b.w = b.w * side;
   }
@@ -116,6 +115,7 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   p.normal = detail.normal, p.tangent = detail.tangent;
   if (!Tracer::kSimple && layers_are_apart(m)) detail.normal = p.side;
   p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
+  p.bent = Tracer::kLeafKind != LeafKind::Spheres && !(p.side == p.frame.z);
   // Seen from behind its shading normal a surface looks as in the mirror: BSDFs know the upper side only, nothing jumps where
   // the normal turns away, and what a mirror then shows is what the flat surface would.
   p.wo = p.frame.to_local(-path.ray.direction);
@@ -200,12 +200,23 @@ struct AskMaterial {
     r.wavelength = context.wavelength;
     constexpr int color = first_color<T>();
     if constexpr (color >= 0) r.albedo = bsdf.*T::params[color].v;
-    if (has_light) {
-      r.f = bsdf.eval(point.wo, light);
-      r.pdf = bsdf.pdf(point.wo, light);
+    if constexpr (requires { bsdf.see(point.wo); }) {
+      answer(bsdf, bsdf.see(point.wo), &r);
+    } else {
+      answer(bsdf, point.wo, &r);
     }
-    r.next = bsdf.sample(point.wo, numbers.lobe(path), numbers.direction(path));
     return r;
+  }
+
+ private:
+  // wo: the direction, or what the material has worked out about it.
+  template <class T, class Wo>
+  DST_HD void answer(const T& bsdf, const Wo& wo, MaterialSample* r) const {
+    if (has_light) {
+      r->f = bsdf.eval(wo, light);
+      r->pdf = bsdf.pdf(wo, light);
+    }
+    r->next = bsdf.sample(wo, numbers.lobe(path), numbers.direction(path));
   }
 };
 

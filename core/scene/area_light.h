@@ -10,6 +10,7 @@ struct LightPoint {
   Vec3 p, error, ng;  // ng on the outward side
   Vec2 uv;
   Vec4 color{1, 1, 1, 1};
+  SecondUv second;
   float pdf = 0;  // 1/sr as seen from the reference point; 0: none
 };
 
@@ -26,19 +27,21 @@ struct WorldSphere {
   float radius;
 };
 
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN TriangleVertices world_triangle(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim,
                                        float time) {
-  TriangleVertices v = triangle_at(scene.geometry, prim, time);
-  if (light.instance != kNoIndex) {
+  TriangleVertices v = triangle_at<kLeaves>(scene.geometry, prim, time);
+  if (light.is_placed<kLeaves>()) {
     const Transform t = scene.geometry.instances[light.instance].world_at(time);
     v = {t.point(v.a), t.point(v.b), t.point(v.c)};
   }
   return v;
 }
 
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN WorldSphere world_sphere(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim, float time) {
   WorldSphere s{prim.a + prim.c * time, prim.b.x};
-  if (light.instance != kNoIndex) {
+  if (light.is_placed<kLeaves>()) {
     const Transform t = scene.geometry.instances[light.instance].world_at(time);
     s.center = t.point(s.center);
     s.radius *= cbrtf(fabsf(t.determinant()));
@@ -47,9 +50,9 @@ DST_FN WorldSphere world_sphere(const SceneView& scene, const AreaLight& light, 
 }
 
 // True if the light is a sphere that its instance stretches: an ellipsoid, sampled by area.
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN bool is_ellipsoid(const SceneView& scene, const AreaLight& light, const LeafPrimitive& prim) {
-  return prim.kind() == PrimitiveKind::Sphere && light.instance != kNoIndex &&
-         !scene.geometry.instances[light.instance].similar;
+  return light.is_placed<kLeaves>() && prim.is_sphere<kLeaves>() && !scene.geometry.instances[light.instance].similar;
 }
 
 // How much area the instance makes of a small piece of the sphere with local unit normal n.
@@ -80,12 +83,13 @@ DST_FN DST_COLD float ellipsoid_light_pdf(const Instance& instance, LeafPrimitiv
 }
 
 // Density with which sample_area_light picks the direction from `from` to the point p with normal ng on the light.
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN float area_light_pdf(const SceneView& scene, const AreaLight& light, Vec3 from, Vec3 p, Vec3 ng, float time) {
   const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
-  if (is_ellipsoid(scene, light, prim))
+  if (is_ellipsoid<kLeaves>(scene, light, prim))
     return ellipsoid_light_pdf(scene.geometry.instances[light.instance], prim, from, p, ng, time);
-  if (prim.kind() == PrimitiveKind::Sphere) {
-    const WorldSphere s = world_sphere(scene, light, prim, time);
+  if (prim.is_sphere<kLeaves>()) {
+    const WorldSphere s = world_sphere<kLeaves>(scene, light, prim, time);
     const float d2 = length_squared(from - s.center), r2 = s.radius * s.radius;
     if (d2 > r2 * 1.0001f) {
       // The far side, seen through a hole in the near one, is never drawn.
@@ -94,7 +98,7 @@ DST_FN float area_light_pdf(const SceneView& scene, const AreaLight& light, Vec3
     }
     return area_to_solid_angle(from, p, ng, 4 * kPi * r2);
   }
-  const TriangleVertices v = world_triangle(scene, light, prim, time);
+  const TriangleVertices v = world_triangle<kLeaves>(scene, light, prim, time);
   return area_to_solid_angle(from, p, ng, 0.5f * length(cross(v.b - v.a, v.c - v.a)));
 }
 
@@ -127,19 +131,30 @@ DST_FN LightPoint sample_sphere_light(const WorldSphere& s, Vec3 from, Vec2 u) {
   return l;
 }
 
-// A point of the light as seen from `from`. Fills uv and colour only if the material needs them.
+// What textures read at a point of a triangle. (One call, so that little must be kept over it.)
+DST_FN DST_COLD void add_attributes(const SceneView& scene, const LeafPrimitive& prim, Vec2 at, float time,
+                                    TriangleVertices vertices, LightPoint* light) {
+  const ObjectRecord& object = scene.objects[prim.object];
+  const Attributes a = interpolate_attributes(scene, object, prim.primitive, at, time, vertices, true);
+  light->uv = a.uv;
+  light->color = a.color;
+  if (scene.materials[object.material].flags & kReadsSecondUv) light->second = second_uv(scene, prim, at);
+}
+
+// A point of the light as seen from `from`. Fills uvs and colour only if the material needs them; kTextured: some may.
+template <bool kTextured, LeafKind kLeaves = LeafKind::Any>
 DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& light, Vec3 from, Vec2 u, float time) {
   const LeafPrimitive& prim = scene.geometry.leaves[light.leaf];
   const ObjectRecord& object = scene.objects[prim.object];
-  const bool textured = (scene.materials[object.material].flags & kNeedsUv) != 0;
-  if (prim.kind() == PrimitiveKind::Sphere) {
-    const WorldSphere s = world_sphere(scene, light, prim, time);
-    LightPoint l = is_ellipsoid(scene, light, prim)
+  const bool textured = kTextured && (scene.materials[object.material].flags & kNeedsUv) != 0;
+  if (prim.is_sphere<kLeaves>()) {
+    const WorldSphere s = world_sphere<kLeaves>(scene, light, prim, time);
+    LightPoint l = is_ellipsoid<kLeaves>(scene, light, prim)
                        ? sample_ellipsoid_light(scene.geometry.instances[light.instance], prim, from, u, time)
                        : sample_sphere_light(s, from, u);
     if (textured) {
       Vec3 outward = normalize(l.p - s.center);
-      if (light.instance != kNoIndex) {
+      if (light.is_placed<kLeaves>()) {
         const Transform t = scene.geometry.instances[light.instance].local_at(time);
         outward = normalize(t.point(l.p) - (prim.a + prim.c * time));
       }
@@ -147,21 +162,17 @@ DST_FN LightPoint sample_area_light(const SceneView& scene, const AreaLight& lig
     }
     return l;
   }
-  const TriangleVertices v = world_triangle(scene, light, prim, time);
+  const TriangleVertices v = world_triangle<kLeaves>(scene, light, prim, time);
   const Vec2 b = square_to_triangle(u);
   Vec3 n = cross(v.b - v.a, v.c - v.a);
-  const uint32_t mirrored = light.instance != kNoIndex ? scene.geometry.instances[light.instance].flipped : 0;
+  const uint32_t mirrored = light.is_placed<kLeaves>() ? scene.geometry.instances[light.instance].flipped : 0;
   if (mirrored != object.flipped) n = -n;
   const float len = length(n);
   LightPoint l;
   l.p = triangle_point(v.a, v.b, v.c, b.x, b.y, &l.error);
-  if (light.instance != kNoIndex) l.error += abs(l.p) * gamma_bound(8);
+  if (light.is_placed<kLeaves>()) l.error += abs(l.p) * gamma_bound(8);
   l.ng = n * (1.0f / len);
-  if (textured) {
-    const Attributes a = interpolate_attributes(scene, object, prim.primitive, b, time, v);
-    l.uv = a.uv;
-    l.color = a.color;
-  }
+  if (textured) add_attributes(scene, prim, b, time, v, &l);
   l.pdf = area_to_solid_angle(from, l.p, l.ng, 0.5f * len);
   return l;
 }

@@ -54,6 +54,39 @@ struct BumpStep {
   }
 };
 
+// True if some lobe is stretched along the tangent.
+struct HasDirection {
+  const Slot* slots;
+  template <class T>
+  bool operator()() const {
+    for (size_t i = 0; i < T::params.size(); ++i) {
+      const std::string_view name = T::params[i].name;
+      if ((name == "anisotropy" || name.ends_with("roughness_anisotropy")) && slots[i].value.x != 0) return true;
+    }
+    return false;
+  }
+};
+
+// How many parameters a material or a texture has.
+struct ParamCount {
+  template <class T>
+  size_t operator()() const {
+    return T::params.size();
+  }
+};
+
+// Whether a texture is an image (or a row of them) that reads the second uv.
+struct ReadsSecondUv {
+  const Slot* slots;
+  const Image* images;
+  template <class T>
+  bool operator()() const {
+    if constexpr (std::is_same_v<T, ImageTexture> || std::is_same_v<T, UdimTexture>)
+      return images[static_cast<uint32_t>(slots[0].value.x)].second_uv != 0;
+    return false;
+  }
+};
+
 // True if the material has delta lobes only, wherever it is. Textured parameters make it false.
 struct IsDeltaOnly {
   const Slot* slots;

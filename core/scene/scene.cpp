@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "scene/material_queries.h"
+
 namespace destello {
 
 namespace {
@@ -61,12 +63,29 @@ void check_finite(const std::vector<Vec3>& points, const char* what) {
       fail(std::string(what) + "[" + std::to_string(i) + "]: " + text(points[i]) + "; expected finite numbers");
 }
 
-struct TextureParamCount {
-  template <class T>
-  size_t operator()() const {
-    return T::params.size();
+// A mesh's second uvs, each with its SecondUv::scale: what the triangles round the vertex cover of either set.
+std::vector<Vec3> scaled_second_uvs(const MeshData& mesh) {
+  const size_t n = mesh.positions.size();
+  std::vector<double> first(n), second(n);
+  const auto area = [](const std::vector<Vec2>& uv, const uint32_t* t) {
+    const Vec2 a = uv[t[0]], b = uv[t[1]], c = uv[t[2]];
+    return std::fabs(static_cast<double>(b.x - a.x) * static_cast<double>(c.y - a.y) -
+                     static_cast<double>(b.y - a.y) * static_cast<double>(c.x - a.x));
+  };
+  for (size_t i = 0; i < mesh.indices.size(); i += 3) {
+    const uint32_t* t = mesh.indices.data() + i;
+    for (size_t k = 0; k < 3; ++k) {
+      first[t[k]] += mesh.uvs.empty() ? 1 : area(mesh.uvs, t);  // without uvs barycentric weights stand for them
+      second[t[k]] += area(mesh.second_uvs, t);
+    }
   }
-};
+  std::vector<Vec3> all(n);
+  for (size_t i = 0; i < n; ++i) {
+    const double scale = first[i] > 0 ? std::sqrt(second[i] / first[i]) : 0;
+    all[i] = {mesh.second_uvs[i].x, mesh.second_uvs[i].y, static_cast<float>(std::min(scale, 1e6))};
+  }
+  return all;
+}
 
 }  // namespace
 
@@ -100,11 +119,18 @@ uint32_t SceneBuilder::add_slots(const std::vector<Slot>& slots, size_t expected
   return first;
 }
 
+bool SceneBuilder::reads_second_uv(const std::vector<Slot>& slots) const {
+  return std::any_of(slots.begin(), slots.end(),
+                     [this](const Slot& s) { return s.has_texture() && second_uv_textures_[s.texture()]; });
+}
+
 uint32_t SceneBuilder::add_texture(uint32_t type, const std::vector<Slot>& slots) {
   if (type >= Textures::size) fail("unknown texture type");
-  const uint32_t first = add_slots(slots, dispatch(Textures{}, type, TextureParamCount{}));
+  const uint32_t first = add_slots(slots, dispatch(Textures{}, type, ParamCount{}));
   // A texture can only refer to earlier ones, so evaluation always ends.
   scene_->arrays_.textures.push_back({type, first});
+  const bool reads = dispatch(Textures{}, type, ReadsSecondUv{slots.data(), scene_->arrays_.images.data()});
+  second_uv_textures_.push_back(reads || reads_second_uv(slots));
   return static_cast<uint32_t>(scene_->arrays_.textures.size()) - 1;
 }
 
@@ -126,6 +152,7 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   check_size(mesh.normals_end.size(), "normals1");
   check_size(mesh.tangents.size(), "tangents");
   check_size(mesh.uvs.size(), "uvs");
+  check_size(mesh.second_uvs.size(), "second_uvs");
   check_size(mesh.colors.size(), "colors");
   Mesh m;
   auto& out = scene_->arrays_.triangles;
@@ -147,6 +174,10 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   if (!mesh.uvs.empty()) {
     m.first_uv = static_cast<uint32_t>(scene_->arrays_.uvs.size());
     append(&scene_->arrays_.uvs, mesh.uvs);
+  }
+  if (!mesh.second_uvs.empty()) {
+    m.first_second_uv = static_cast<uint32_t>(scene_->arrays_.second_uvs.size());
+    append(&scene_->arrays_.second_uvs, scaled_second_uvs(mesh));
   }
   if (!mesh.colors.empty()) {
     m.first_color = static_cast<uint32_t>(scene_->arrays_.colors.size());
@@ -216,6 +247,7 @@ void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material,
   object.material = material;
   object.first_triangle = m.first_triangle;
   object.first_uv = m.first_uv;
+  object.first_second_uv = m.first_second_uv;
   object.first_color = m.first_color;
   object.first_normal = add_normals(d.normals, transform);
   if (moving && !d.normals.empty())

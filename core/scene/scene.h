@@ -45,6 +45,7 @@ struct SceneArrays {
   std::vector<Vec3> normals;
   std::vector<Vec4> tangents;
   std::vector<Vec2> uvs;
+  std::vector<Vec3> second_uvs;
   std::vector<Vec4> colors;
   std::vector<MaterialRecord> materials;
   std::vector<Interior> interiors;
@@ -99,8 +100,8 @@ struct MeshData {
   std::vector<uint32_t> indices;               // 3 M
   std::vector<Vec3> normals, normals_end;
   std::vector<Vec4> tangents;  // see SceneView::tangents; where nothing moves
-  std::vector<Vec2> uvs;
-  std::vector<Vec4> colors;  // linear; or (u, v, 0, 0) of a second set of uv (Image::second_uv)
+  std::vector<Vec2> uvs, second_uvs;
+  std::vector<Vec4> colors;  // linear
 };
 
 // Voxels as given, in the order of VoxelArray; 0 channels: none.
@@ -149,7 +150,7 @@ class SceneBuilder {
   struct Mesh {
     MeshData data;
     uint32_t first_triangle = 0;
-    uint32_t first_uv = kNoIndex, first_color = kNoIndex;
+    uint32_t first_uv = kNoIndex, first_second_uv = kNoIndex, first_color = kNoIndex;
   };
   struct Group {
     std::vector<Bounds> boxes;
@@ -182,6 +183,7 @@ class SceneBuilder {
   uint32_t add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform);
   uint32_t add_tangents(const std::vector<Vec4>& tangents, const Transform& transform);
   float bump_step(const Slot& slot) const;
+  bool reads_second_uv(const std::vector<Slot>& slots) const;
   uint32_t slot_flags(uint32_t first, size_t count) const;
   void add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material);
   void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);
@@ -205,7 +207,8 @@ class SceneBuilder {
   std::vector<PlacedInstance> placed_;
   // Per material.
   std::vector<Emission> emission_;
-  std::vector<uint32_t> own_flags_;  // MaterialRecord::flags before resolve_mixes
+  std::vector<uint32_t> own_flags_;       // MaterialRecord::flags before resolve_mixes
+  std::vector<bool> second_uv_textures_;  // for each texture: whether it, or one below it, reads the second uv
   bool has_environment_ = false;
 };
 

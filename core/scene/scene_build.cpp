@@ -42,7 +42,7 @@ void SceneBuilder::finish(const BuildOptions& options) {
                  a.few.triangles.size() * sizeof(FewTriangle) + a.few.vertices.size() * sizeof(Vec3);
   s.geometry_bytes = a.leaves.size() * sizeof(LeafPrimitive) + a.moving.size() * sizeof(TriangleVertices) +
                      a.triangles.size() * 4 + a.normals.size() * sizeof(Vec3) + a.tangents.size() * sizeof(Vec4) +
-                     a.uvs.size() * sizeof(Vec2) + a.colors.size() * sizeof(Vec4) +
+                     a.uvs.size() * sizeof(Vec2) + a.second_uvs.size() * sizeof(Vec3) + a.colors.size() * sizeof(Vec4) +
                      a.instances.size() * sizeof(Instance);
   s.texture_bytes = a.texels.size() + a.environment.texels.size() * sizeof(Vec3);
   s.volume_bytes = a.voxels.size() + a.majorants.size() * sizeof(float);
@@ -58,7 +58,7 @@ void SceneBuilder::resolve_mixes() {
     for (MaterialRecord& m : materials) {
       if (!(m.flags & kIsMix)) continue;
       const uint32_t a = materials[m.mix_first].flags, b = materials[m.mix_second].flags, before = m.flags;
-      m.flags |= (a | b) & kNeedsUv;
+      m.flags |= (a | b) & (kNeedsUv | kReadsSecondUv);
       if ((a & b) & kOpaqueToShadows) m.flags |= kOpaqueToShadows;
       changed |= m.flags != before;
     }
@@ -300,6 +300,7 @@ void SceneBuilder::make_view() {
   v.normals = a.normals.data();
   v.tangents = a.tangents.data();
   v.uvs = a.uvs.data();
+  v.second_uvs = a.second_uvs.data();
   v.colors = a.colors.data();
   v.materials = span(a.materials);
   v.interiors = span(a.interiors);

@@ -9,12 +9,6 @@ namespace destello {
 
 namespace {
 
-struct MaterialParamCount {
-  template <class T>
-  size_t operator()() const {
-    return T::params.size();
-  }
-};
 // Where solid textures are averaged before the scene's extent is known.
 constexpr Bounds kUnitBox{{0, 0, 0}, {1, 1, 1}};
 
@@ -53,7 +47,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   if (surface.size() != SurfaceParams::params.size()) throw std::invalid_argument("wrong number of surface parameters");
   MaterialRecord m;
   m.type = type;
-  const size_t count = dispatch(Materials{}, type, MaterialParamCount{});
+  const size_t count = dispatch(Materials{}, type, ParamCount{});
   m.first_slot = add_slots(slots, count);
   Slot emission = surface_slot(surface, "emission");
   bool two_sided = surface_value(surface, "emission_two_sided").x != 0;
@@ -80,7 +74,10 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   const bool turned = rotation.value.x != 0 || tangent.value.x != 1 || tangent.value.y != 0.5f;
   if (!(normal_map.is_constant() && bump.is_constant() && tangent.is_constant() && rotation.is_constant()) || turned)
     m.flags |= kHasDetail | kNeedsUv;
+  if (dispatch(Materials{}, type, HasDirection{slots.data()})) m.flags |= kNeedsUv;
   if (!bump.is_constant()) m.bump_step = bump_step(bump);
+  if (reads_second_uv({bump})) m.flags |= kBumpBySecondUv;
+  if (reads_second_uv(slots) || reads_second_uv(surface)) m.flags |= kReadsSecondUv;
   if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {
     check_material(mix_first);

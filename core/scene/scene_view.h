@@ -22,13 +22,15 @@ enum MaterialFlag : uint32_t {
   kHasDetail = 8,     // a normal, bump or tangent map turns its shading frame, or its coat's
   kIsBoundary = 16,   // encloses something: a dielectric or a medium (MaterialRecord::interior is set)
   kIsInterface = 32,  // no surface at all, only a boundary
-  kNeedsUv = 64,      // some texture wants texture coordinates
+  kNeedsUv = 64,      // some texture wants texture coordinates or a vertex colour, or some lobe a tangent
   kIsMix = 128,
-  kOpaqueToShadows = 256,  // blocks shadow rays for sure
-  kDeltaOnly = 512,        // every lobe is a delta: sampling lights is of no use
-  kHasCoat = 1024,         // a layer on top that does not take part in the maps that turn the base's frame
-  kColorsInside = 2048,    // a texture colours the medium inside, from where it was entered (Interior::color_slot)
-  kIsLambert = 4096,       // one colour of Diffuse without roughness, and nothing else
+  kOpaqueToShadows = 256,   // blocks shadow rays for sure
+  kDeltaOnly = 512,         // every lobe is a delta: sampling lights is of no use
+  kHasCoat = 1024,          // a layer on top that does not take part in the maps that turn the base's frame
+  kColorsInside = 2048,     // a texture colours the medium inside, from where it was entered (Interior::color_slot)
+  kIsLambert = 4096,        // one colour of Diffuse without roughness, and nothing else
+  kReadsSecondUv = 8192,    // some texture reads the second uv
+  kBumpBySecondUv = 16384,  // the bump map does
 };
 
 // A material: the BSDF's own parameters and those that every surface has.
@@ -86,6 +88,7 @@ struct ObjectRecord {
   uint32_t first_normal = kNoIndex;  // into normals, kNoIndex: none; the same for uvs and colours
   uint32_t first_uv = kNoIndex;
   uint32_t first_color = kNoIndex;
+  uint32_t first_second_uv = kNoIndex;
   uint32_t first_normal_end = kNoIndex;  // normals at time 1 of a moving mesh
   uint32_t first_tangent = kNoIndex;
   uint32_t flipped = 0;  // placed by a mirroring transform: the stored triangles wind the other way round
@@ -95,6 +98,12 @@ struct ObjectRecord {
 struct AreaLight {
   uint32_t leaf = 0;
   uint32_t instance = kNoIndex;
+
+  // Where the scene's leaves are of that kind.
+  template <LeafKind kLeaves>
+  DST_HD bool is_placed() const {
+    return kLeaves == LeafKind::Any && instance != kNoIndex;
+  }
 };
 
 // Lights in one row: punctual, then area, then the environment.
@@ -109,6 +118,7 @@ struct SceneView {
   const Vec3* normals = nullptr;
   const Vec4* tangents = nullptr;  // direction of growing u; w < 0: v grows against normal x tangent
   const Vec2* uvs = nullptr;
+  const Vec3* second_uvs = nullptr;  // u, v and SecondUv::scale
   const Vec4* colors = nullptr;
 
   Span<MaterialRecord> materials;

@@ -31,8 +31,9 @@ struct Attributes {
   Vec4 color{1, 1, 1, 1};
 };
 
+// Normals, and if needs_uv the rest.
 DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, ObjectRecord object, uint32_t triangle,
-                                                  Vec2 at, float time, TriangleVertices vertices) {
+                                                  Vec2 at, float time, TriangleVertices vertices, bool needs_uv) {
   const float u = at.x, v = at.y;
   Attributes s;
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
@@ -46,6 +47,7 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
     }
     s.ns = ns;
   }
+  if (!needs_uv) return s;
   if (object.first_tangent != kNoIndex) {
     const Vec4* t = scene.tangents + object.first_tangent;
     const Vec4 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
@@ -74,6 +76,16 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
                ca.w * w + cb.w * u + cc.w * v};
   }
   return s;
+}
+
+// The second uv of a mesh at a point of one of its triangles; others have none.
+DST_FN DST_COLD SecondUv second_uv(const SceneView& scene, LeafPrimitive prim, Vec2 at) {
+  const ObjectRecord& object = scene.objects[prim.object];
+  if (object.first_second_uv == kNoIndex) return {};
+  const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
+  const Vec3* t = scene.second_uvs + object.first_second_uv;
+  const Vec3 uv = t[index[0]] * (1.0f - at.x - at.y) + t[index[1]] * at.x + t[index[2]] * at.y;
+  return {{uv.x, uv.y}, uv.z};
 }
 
 // From a point p of a triangle to the smooth surface for which its vertex normals stand: the mean of what lifts p onto the
@@ -125,41 +137,46 @@ DST_FN DST_COLD Surface place_surface(const Instance& instance, float time, Surf
   return s;
 }
 
+// kLeaves: what the scene has; code for anything else is left out, here and below.
+template <LeafKind kLeaves = LeafKind::Any>
 DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, const Hit& hit) {
   const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
   const ObjectRecord& object = scene.objects[prim.object];
-  const bool instanced = hit.instance != Hit::kNone;
+  const bool instanced = kLeaves == LeafKind::Any && hit.instance != Hit::kNone;
   const Instance* instance = instanced ? scene.geometry.instances + hit.instance : nullptr;
   Surface s;
   bool is_flat = !instanced;  // the shading normal is the geometric one already
   s.material = object.material;
+  const bool needs_uv = (scene.materials[s.material].flags & kNeedsUv) != 0;
   if (object.light_offset != kNoIndex)
     s.light = (instanced ? instance->light_base : scene.world_light_base) + object.light_offset + prim.primitive;
-  if (prim.kind() == PrimitiveKind::Sphere) {
+  if (prim.is_sphere<kLeaves>()) {
     Vec3 p = ray.origin + ray.direction * hit.t;
     if (instanced) p = instance->local_at(ray.time).point(p);
     const SpherePoint q = sphere_point(p, prim.a + prim.c * ray.time, prim.b.x);
     s.p = q.p;
     s.error = q.error;
     s.ng = s.ns = q.normal;
-    if (scene.materials[s.material].flags & kNeedsUv) {
+    if (needs_uv) {
       const Vec3 outward = prim.b.x < 0 ? -q.normal : q.normal;
       s.uv = sphere_uv(outward);
       s.tangent = sphere_tangent(outward);
       s.mirrored = prim.b.x < 0;
     }
   } else {
-    const TriangleVertices v = triangle_at(scene.geometry, prim, ray.time);
+    const TriangleVertices v = triangle_at<kLeaves>(scene.geometry, prim, ray.time);
     s.p = triangle_point(v.a, v.b, v.c, hit.u, hit.v, &s.error);
     s.ng = normalize(cross(v.b - v.a, v.c - v.a));
     if (object.flipped) s.ng = -s.ng;
     s.ns = s.ng;
-    const Attributes a = interpolate_attributes(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v);
-    if (length_squared(a.ns) > 0) s.ns = a.ns, is_flat = false;
-    s.tangent = a.tangent;
-    s.mirrored = a.mirrored != (object.flipped != 0);
-    s.uv = a.uv;
-    s.color = a.color;
+    if (needs_uv || object.first_normal != kNoIndex) {
+      const Attributes a = interpolate_attributes(scene, object, prim.primitive, {hit.u, hit.v}, ray.time, v, needs_uv);
+      if (length_squared(a.ns) > 0) s.ns = a.ns, is_flat = false;
+      s.tangent = a.tangent;
+      s.mirrored = a.mirrored != (object.flipped != 0);
+      s.uv = a.uv;
+      s.color = a.color;
+    }
     if (object.first_normal != kNoIndex && !(scene.materials[s.material].flags & kIsBoundary))
       s.lift = smooth_lift(scene, object, prim.primitive, hit, ray.time, ray.direction, v, s.p, s.ng);
   }
@@ -169,6 +186,14 @@ DST_FN DST_HOT Surface make_surface(const SceneView& scene, const Ray& ray, cons
   return s;
 }
 
-DST_FN TextureContext texture_context(const Surface& s) { return {s.p, s.uv, s.color}; }
+// Where a surface's textures are evaluated. The second uv is looked up only for materials that read it. textured: some
+// may have textures.
+template <bool textured = true>
+DST_FN TextureContext texture_context(const SceneView& scene, const Surface& s, const Hit& hit) {
+  TextureContext c{{s.p, s.uv, s.color, {}}};
+  if (textured && (scene.materials[s.material].flags & kReadsSecondUv))
+    c.second = second_uv(scene, scene.geometry.leaves[hit.leaf], {hit.u, hit.v});
+  return c;
+}
 
 }  // namespace destello

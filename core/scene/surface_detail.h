@@ -18,21 +18,26 @@ DST_FN UvMap sphere_uv_map(Vec3 outward, float radius) {
   return {sphere_tangent(outward) * (2 * kPi * radius), along_v * (kPi * radius)};
 }
 
-// (pbrt 4, section 6.5.4)
+// second: of the second uv. (pbrt 4, section 6.5.4)
 DST_FN DST_COLD UvMap triangle_uv_map(const SceneView& scene, ObjectRecord object, uint32_t triangle,
-                                      TriangleVertices v) {
+                                      TriangleVertices v, bool second) {
   const Vec3 e1 = v.b - v.a, e2 = v.c - v.a;
-  if (object.first_uv == kNoIndex) return {e1, e2};
+  const uint32_t first = second ? object.first_second_uv : object.first_uv;
+  if (first == kNoIndex) return {e1, e2};
   const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + triangle);
-  const Vec2* t = scene.uvs + object.first_uv;
-  const Vec2 d1 = t[index[1]] - t[index[0]], d2 = t[index[2]] - t[index[0]];
+  const auto at = [&](uint32_t corner) {
+    if (!second) return scene.uvs[first + index[corner]];
+    const Vec3 t = scene.second_uvs[first + index[corner]];
+    return Vec2{t.x, t.y};
+  };
+  const Vec2 d1 = at(1) - at(0), d2 = at(2) - at(0);
   const float inverse = 1.0f / (d1.x * d2.y - d1.y * d2.x);
   const UvMap map{(e1 * d2.y - e2 * d1.y) * inverse, (e2 * d1.x - e1 * d2.x) * inverse};
   return is_finite(map.dpdu) && is_finite(map.dpdv) ? map : UvMap{};
 }
 
-// At the point p (world space) that a ray has hit.
-DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p) {
+// At the point p (world space) that a ray has hit. second: of the second uv, which only triangles have.
+DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p, bool second = false) {
   const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
   const bool instanced = hit.instance != Hit::kNone;
   UvMap map;
@@ -40,7 +45,8 @@ DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p
     if (instanced) p = scene.geometry.instances[hit.instance].local_at(time).point(p);
     map = sphere_uv_map(normalize(p - (prim.a + prim.c * time)), fabsf(prim.b.x));
   } else {
-    map = triangle_uv_map(scene, scene.objects[prim.object], prim.primitive, triangle_at(scene.geometry, prim, time));
+    map = triangle_uv_map(scene, scene.objects[prim.object], prim.primitive, triangle_at(scene.geometry, prim, time),
+                          second);
   }
   if (instanced) {
     const Transform world = scene.geometry.instances[hit.instance].world_at(time);
@@ -56,19 +62,19 @@ DST_FN DST_COLD float uv_area(const SceneView& scene, Hit hit, float time, Vec3 
 }
 
 // The normal of a surface that stands `height` metres above one with normal n: central differences over `step`
-// (MaterialRecord::bump_step), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
+// (MaterialRecord::bump_step) of the uv that the height is read by (`second`), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
 // on the GPU").
-DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map, float step,
-                                   Vec3 n) {
+DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map, bool second,
+                                   float step, Vec3 n) {
   const float lu = length(map.dpdu), lv = length(map.dpdv);
   const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
   const float det = dot(map.dpdu, across_v);
   if (det == 0) return n;
-  const float du = step > 0 ? max(step, at.footprint) : -step / lu,
-              dv = step > 0 ? max(step, at.footprint) : -step / lv;
+  const float footprint = second ? at.footprint * at.second.scale : at.footprint;
+  const float du = step > 0 ? max(step, footprint) : -step / lu, dv = step > 0 ? max(step, footprint) : -step / lv;
   const auto height_at = [&](float u, float v) {
     TextureContext c = at;
-    c.uv = {at.uv.x + u, at.uv.y + v};
+    (second ? c.second.uv : c.uv) = (second ? at.second.uv : at.uv) + Vec2{u, v};
     c.position = at.position + map.dpdu * u + map.dpdv * v;
     return eval_slot(height, c, scene.textures, true).x;
   };
@@ -96,8 +102,10 @@ DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialR
                                          Hit hit, float time, Vec3 side) {
   const Slot* slots = scene.textures.slots.data + m.surface_slot;
   DetailFrame d{s.ns, s.tangent};
+  const bool bump_by_second = (m.flags & kBumpBySecondUv) != 0;
   if (!slots[kBumpSlot].is_constant())
-    d.normal = bumped_normal(scene, slots[kBumpSlot], at, uv_map(scene, hit, time, s.p), m.bump_step, s.ns);
+    d.normal = bumped_normal(scene, slots[kBumpSlot], at, uv_map(scene, hit, time, s.p, bump_by_second), bump_by_second,
+                             m.bump_step, s.ns);
   if (length_squared(s.tangent) > 0) {
     Frame frame = Frame::from_zx(d.normal, s.tangent);
     if (!slots[kNormalSlot].is_constant())

@@ -14,6 +14,7 @@ inline Vec3 mean_value(const Slot& slot, const TextureData& textures, const Boun
   for (int i = 0; i < kGrid * kGrid; ++i) {
     TextureContext c;
     c.uv = {(static_cast<float>(i % kGrid) + 0.5f) / kGrid, (static_cast<float>(i / kGrid) + 0.5f) / kGrid};
+    c.second.uv = c.uv;
     c.position = box.lo + box.extent() * Vec3(c.uv.x, c.uv.y, static_cast<float>(i * 37 % 256) / 256.0f);
     sum += eval_slot(slot, c, textures, false);
   }

@@ -135,9 +135,14 @@ DST_NOINLINE Vec4 sample_image_at(const Image& image, const TextureData& data, f
 }
 
 DST_FN Vec2 image_uv(const Image& image, const TextureContext& c) {
-  const Vec2 uv = image.second_uv ? Vec2(c.vertex_color.x, c.vertex_color.y) : c.uv;
+  const Vec2 uv = image.second_uv ? c.second.uv : c.uv;
   return {image.uv[0][0] * uv.x + image.uv[0][1] * uv.y + image.uv[0][2],
           image.uv[1][0] * uv.x + image.uv[1][1] * uv.y + image.uv[1][2]};
+}
+
+// The footprint in the set of uv that an image reads.
+DST_FN float image_footprint(const Image& image, const TextureContext& c) {
+  return image.second_uv ? c.footprint * c.second.scale : c.footprint;
 }
 
 struct ImageTexture {
@@ -155,7 +160,7 @@ struct ImageTexture {
   DST_HD Vec4 eval(const TextureContext& c, const TextureData& data) const {
     const Image& picture = data.images[static_cast<uint32_t>(image)];
     const Vec2 at = image_uv(picture, c);
-    return sample_image_at(picture, data, at.x, at.y, picture.second_uv ? 0.0f : c.footprint);
+    return sample_image_at(picture, data, at.x, at.y, image_footprint(picture, c));
   }
 };
 

@@ -11,15 +11,22 @@
 
 namespace destello {
 
+// A mesh's second set of texture coordinates (Image::second_uv), and how much of it goes with a unit of the first.
+struct SecondUv {
+  Vec2 uv;
+  float scale = 1;
+};
+
 // Where a texture is evaluated.
 struct TexturePlace {
   Vec3 position;                  // world space, metres
   Vec2 uv;                        // as the mesh stores it; v = 0 at the bottom (images: see image.h)
-  Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear; or in its place a second set of uv (Image::second_uv)
+  Vec4 vertex_color{1, 1, 1, 1};  // interpolated, linear
+  SecondUv second;
 };
 // With what there is to filter.
 struct TextureContext : TexturePlace {
-  float footprint = 0;  // side of the square of uv that the ray stands for; 0: a point
+  float footprint = 0;  // side of the square of (the first) uv that the ray stands for; 0: a point
 };
 
 // How images keep their texels.
@@ -36,7 +43,7 @@ struct Image {
   uint32_t bilinear = 1;                    // else nearest
   uint32_t levels = 1;                      // mip maps that follow, itself counted
   float uv[2][3] = {{1, 0, 0}, {0, 1, 0}};  // affine map from mesh uv to image uv
-  uint32_t second_uv = 0;                   // of a second uv, without mip maps: footprints are measured in the first
+  uint32_t second_uv = 0;                   // ... or from the second uv
 };
 
 // A parameter's value: `value` times the texture (if any) times the vertex colour (if asked for). 16 bytes.

@@ -29,7 +29,7 @@ struct UdimTexture {
     const Image& tile =
         tiles[static_cast<uint32_t>(row) * static_cast<uint32_t>(columns) + static_cast<uint32_t>(column)];
     if (tile.width == 0) return {0, 0, 0, 0};
-    return sample_image_at(tile, data, at.x - column, at.y - row, tile.second_uv ? 0.0f : c.footprint);
+    return sample_image_at(tile, data, at.x - column, at.y - row, image_footprint(tile, c));
   }
 };
 

@@ -14,7 +14,7 @@ from destello.errors import SceneError
 from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
-from destello.mesh_checks import check_second_uvs, vertex_values
+from destello.mesh_checks import check_uv_sets, uv_reads
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
@@ -79,8 +79,8 @@ class MaterialCompiler:
         material = shape["material"]
         if material is not None:
             if material not in self._read:
-                self._read[material] = vertex_values(material)
-            check_second_uvs(shape, self._read[material], f"{place}.material")
+                self._read[material] = uv_reads(material)
+            check_uv_sets(shape, self._read[material], f"{place}.material")
 
     def volume(self, node: Node, place: str) -> int:
         """The core's number of a volume."""

@@ -7,8 +7,6 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.compile_errors import core_errors
 
@@ -118,11 +116,7 @@ class ImageTable:
         return tuple(max(float(c), low) for c in converted(rgb, "rec709", self.working))
 
     def vertex_colors(self, mesh: dict[str, Any]) -> dict[str, Any]:
-        """A mesh's arrays as the core takes them: colours in the working space, or second_uvs in their place."""
-        mesh = dict(mesh)
-        second = mesh.pop("second_uvs", None)
-        if second is not None:
-            return {**mesh, "colors": np.pad(second, ((0, 0), (0, 2)))}
+        """A mesh's arrays as the core takes them: colours in the working space."""
         if self.working == "rec709" or mesh.get("colors") is None:
             return mesh
         colors = mesh["colors"].copy()

@@ -30,7 +30,7 @@ MOVING_TRIANGLE_BYTES = 96
 SPHERE_BYTES = 48
 INSTANCE_BYTES = 212
 TREE_BYTES = 12
-_VERTEX_BYTES = {"normals": 12, "normals1": 12, "tangents": 16, "uvs": 8, "colors": 16, "second_uvs": 16}
+_VERTEX_BYTES = {"normals": 12, "normals1": 12, "tangents": 16, "uvs": 8, "colors": 16, "second_uvs": 12}
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:

@@ -31,8 +31,6 @@ def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDAr
             )
     if "normals1" in arrays and "normals" not in arrays:
         raise SceneError("normals1 without normals", place=f"{place}.normals1", expected="both or none")
-    if "second_uvs" in arrays and "colors" in arrays:
-        raise SceneError("colors and second_uvs", place=f"{place}.second_uvs", expected="one of them")
     for name in ("positions", *_PER_VERTEX):
         if name in arrays:
             check_finite(arrays[name], f"{place}.{name}")
@@ -53,30 +51,26 @@ def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDAr
     return made
 
 
-def vertex_values(material: Node) -> frozenset[str]:
-    """Which of "second_uvs" and "colors" a material's textures read; "bump" if a bump map reads the former."""
-    found = set()
-    for node in material.walk():
-        if node.type == "image" and node["uv_set"] == "second":
-            found.add("second_uvs")
-        if node.type == "vertex_color" or (node.type == "scaled" and node["vertex_color"]):
-            found.add("colors")
-        bump = node.params.get("bump")
-        if bump is not None and any(n.type == "image" and n["uv_set"] == "second" for n in bump.walk()):
-            found.add("bump")
-    return frozenset(found)
+def uv_reads(material: Node) -> frozenset[str]:
+    """Holds "second" if a texture of a material reads the second uv set; "both" if a bump map reads two sets."""
+    found = {"second"} if "second" in _uv_sets(material) else set()
+    bumps = (node.params["bump"] for node in material.walk() if isinstance(node.params.get("bump"), type(material)))
+    return frozenset(found | {"both" for bump in bumps if len(_uv_sets(bump)) > 1})
 
 
-def check_second_uvs(shape: Node, read: frozenset[str], place: str) -> None:
-    """Whether a shape has what its material reads (see `vertex_values`). Raises SceneError."""
-    has = shape.type == "mesh" and shape["second_uvs"] is not None
-    if "second_uvs" in read and not has:
+def _uv_sets(node: Node) -> set[str]:
+    """The uv sets that textures read."""
+    read = {str(n["uv_set"]) for n in node.walk() if n.type == "image"}
+    return read | {"first" for n in node.walk() if n.type in ("checker_uv", "planet")}
+
+
+def check_uv_sets(shape: Node, read: frozenset[str], place: str) -> None:
+    """Whether a shape has what its material reads (see `uv_reads`). Raises SceneError."""
+    if "second" in read and (shape.type != "mesh" or shape["second_uvs"] is None):
         expected = "a mesh that has them, or uv_set: first"
         raise SceneError("an image of the second uv set on a shape without second_uvs", place=place, expected=expected)
-    if "colors" in read and has:
-        raise SceneError("vertex colours of a mesh with second_uvs", place=place, expected="either of them")
-    if "bump" in read:
-        raise SceneError("a bump map of the second uv set", place=place, expected="uv_set: first")
+    if "both" in read:
+        raise SceneError("a bump map of two uv sets", place=place, expected="one uv_set for all of it")
 
 
 def check_finite(array: NDArray[Any], place: str) -> None:

@@ -70,7 +70,7 @@ _SHAPES = (
         _array("normals", "shading normals of the vertices; flat triangles without", 3),
         _array("uvs", "texture coordinates of the vertices, v = 0 at the bottom of the image", 2),
         _array("colors", "colours of the vertices, linear Rec.709 and alpha", 3, 4),
-        _array("second_uvs", "instead of colors: other texture coordinates, for images whose uv_set is second", 2),
+        _array("second_uvs", "other texture coordinates, for images whose uv_set is second", 2),
         _array("positions1", "the vertices when the shutter closes (time 1)", 3, unit="m"),
         _array("normals1", "the normals when the shutter closes (time 1)", 3),
         _array(

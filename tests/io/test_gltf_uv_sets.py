@@ -78,12 +78,18 @@ def test_what_two_uv_sets_have_no_room_for_is_noted(tmp_path: Path) -> None:
     assert "materials[0]: its textures use 3 UV sets; TEXCOORD_0 stands for those after TEXCOORD_1" in scene.notes
     node = scene.shapes[0]["material"]
     assert [set_of(node[name]) for name in ("base_color", "roughness", "emission")] == ["first", "second", "first"]
+
+
+def test_two_uv_sets_beside_vertex_colours(tmp_path: Path) -> None:
     g = Gltf()
-    pbr["baseColorTexture"] = {"index": texture_of(g, tmp_path)}
+    index = texture_of(g, tmp_path)
+    pbr = {"baseColorTexture": {"index": index}, "metallicRoughnessTexture": {"index": index, "texCoord": 1}}
     scene = scene_with(g, tmp_path, color=np.ones((4, 3), np.float32), pbrMetallicRoughness=pbr)
-    assert any("no room for TEXCOORD_1 beside COLOR_0: TEXCOORD_0 stands for it" in note for note in scene.notes)
-    assert scene.shapes[0]["second_uvs"] is None
-    assert set_of(scene.shapes[0]["material"]["roughness"]) == "first"
+    shape = scene.shapes[0]
+    assert shape["second_uvs"] is not None
+    assert shape["colors"] is not None
+    assert set_of(shape["material"]["roughness"]) == "second"
+    assert scene.notes == []
     scene.compile()
 
 

@@ -89,7 +89,18 @@ def detailed() -> dl.Scene:
     first = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])
     glow = dl.textures.image(normal[:8, :8], color_space="linear", uv_set="second")
     both = dl.materials.diffuse(reflectance=dl.textures.image(normal, color_space="linear"), emission=glow)
-    s.add(dl.shapes.mesh(sheet, [(0, 1, 2), (0, 2, 3)], uvs=first, second_uvs=3 * first[::-1], material=both))
+    colors = np.float32([(1, 0.4, 0.2), (0.2, 1, 0.4), (0.4, 0.2, 1), (1, 1, 1)])
+    fine = dl.textures.image(((x + y) % 2 * 200 + 30).astype(np.uint8), uv_set="second")
+    ridges = dl.textures.scaled(dl.textures.image(heights, uv_set="second"), scale=0.02)
+    third = dl.materials.diffuse(reflectance=dl.textures.scaled(fine, vertex_color=True), bump=ridges)
+    for k, material in enumerate((both, third)):
+        place = dl.translate(0, 0, 0.8 * k) @ dl.scale(1 - 0.5 * k)
+        s.add(
+            dl.shapes.mesh(
+                sheet, [(0, 1, 2), (0, 2, 3)], uvs=first, second_uvs=3 * first[::-1], colors=colors, material=material,
+                transform=place,
+            )
+        )  # fmt: skip
     s.add(dl.lights.point(position=(-3, 4, 3), intensity=(20, 18, 15)))
     s.environment = dl.environments.gradient()
     return s

@@ -8,7 +8,7 @@ import pytest
 from destello import scenes
 from destello.geometry import mesh_arrays
 from tracing import TREES, trace
-from trees import BOXES, boxes_of, bumpy_sphere, check_tree, cost, over_boxes, over_mesh, soup
+from trees import BOXES, boxes_of, bumpy_sphere, check_tree, cost, over_boxes, over_mesh, parts, soup
 
 QUALITIES = ["fast", "balanced", "high"]
 
@@ -74,3 +74,15 @@ def test_every_traversal_finds_what_brute_force_finds(quality, rng):
     assert brute.found.mean() > 0.9
     for method in TREES:
         np.testing.assert_array_equal(trace(core, *rays, method=method).t, brute.t)
+
+
+@pytest.mark.parametrize("quality", ["fast", "balanced"])
+@pytest.mark.parametrize("make", [lambda rng: bumpy_sphere(rng, 5), lambda rng: soup(rng, 5000)], ids=["mesh", "soup"])
+def test_a_node_with_free_slots_has_nothing_left_to_open(make, quality, rng):
+    """Its leaves hold one primitive each: larger ones were opened as long as there was room."""
+    nodes, _ = parts(over_mesh(*make(rng), quality=quality))
+    leaves = nodes["children"][:, None] >> 3 * np.arange(8, dtype=np.uint32) & 7
+    is_free = nodes["used"] != 255
+    assert is_free.mean() > 0.1
+    assert leaves[is_free].max() == 1
+    assert leaves[~is_free].max() > 1

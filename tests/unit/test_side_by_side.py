@@ -91,6 +91,8 @@ def everything() -> dl.Scene:
     s.add(dl.shapes.sphere(center=(-3, 0, 2), radius=0.5, material=rough))
     s.add(dl.shapes.sphere(center=(3.4, 0.2, 2), radius=0.6, material=dl.materials.dielectric()))
     s.add(dl.shapes.sphere(center=(-1.2, -0.4, 3.4), radius=0.4, material=black))
+    skin = dl.materials.openpbr(subsurface_weight=1, subsurface_radius=0.3, subsurface_color=dl.textures.checker())
+    s.add(dl.shapes.sphere(center=(0.4, 0.2, 3), radius=0.4, material=skin))  # with a part of the mesh in it
     group = s.group("pair", [wave(0, red), dl.shapes.box(min=(0, -1, 0), max=(0.5, 1, 0.5), material=white)])
     s.add(dl.shapes.instance(group, transform=dl.translate(0, 1.3, -2) @ dl.rotate("x", 70) @ dl.scale(1, 2, 0.5)))
     s.add(dl.shapes.instance(group, transform=dl.translate(4, 0, -2), transform1=dl.translate(4, 1, -2)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,3 +206,22 @@ def test_which_materials_depend_on_tangents():
     assert depends_on_tangents(dl.materials.openpbr(specular_roughness_anisotropy=0.2))
     assert depends_on_tangents(dl.materials.openpbr(tangent_map=(0.5, 1, 0.5)))
     assert depends_on_tangents(dl.materials.openpbr(geometry_coat_normal=(0.5, 0.6, 0.9)))
+
+
+@pytest.mark.parametrize("shape", ["sphere", "quad"])
+def test_stretched_highlights_follow_the_tangent_without_any_texture(device, shape):
+    """A texture of one value makes the surface want its tangent anyway: so must the plain value."""
+
+    def picture(roughness: Any) -> Any:
+        s = dl.Scene("stretched")
+        s.camera = dl.cameras.perspective(origin=(0, 0.4, 3), target=(0, 0, 0), vfov=45)
+        metal = dl.materials.conductor(roughness=roughness, anisotropy=0.9)
+        s.add(
+            dl.shapes.sphere(center=(0, 0, 0), radius=1, material=metal)
+            if shape == "sphere"
+            else dl.shapes.quad(corner=(-1, -0.8, 0), u=(2, 0, -1), v=(0.4, 1.6, 0), material=metal)
+        )
+        s.environment = dl.environments.image(np.eye(8, 16, dtype=np.float32)[..., None] * np.ones(3, np.float32))
+        return dl.render(s, size=(32, 32), spp=8, device=device, seed=1, progress=False).array
+
+    np.testing.assert_allclose(picture(0.4), picture(dl.textures.checker(even=0.4, odd=0.4)), rtol=1e-4, atol=1e-5)

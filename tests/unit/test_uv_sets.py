@@ -79,16 +79,68 @@ def test_light_sampling_sees_the_same_emission(device: str) -> None:
     assert max(found[0]) > 1.5 * min(found[0])
 
 
+def test_vertex_colours_beside_it(device: str) -> None:
+    """Each in its place: a texture of the second set times the colours, in mixtures too."""
+    colors = np.float32([(1, 0.5, 0.25, 1)]).repeat(4, 0)
+    tinted = dl.textures.scaled(image("second"), vertex_color=True)
+    for radiance, want in ((tinted, IMAGE[::-1, ::-1] * colors[0, :3]), (image("first"), IMAGE)):
+        glow = dl.materials.emissive(radiance=radiance, two_sided=True)
+        np.testing.assert_allclose(seen(scene_of(sheet(glow, colors=colors)), device), want, atol=2e-3)
+
+
+def smooth(size: int = 256) -> np.ndarray:
+    """A picture of much detail whose mean differs from place to place (size, size, 1)."""
+    y, x = np.mgrid[0:size, 0:size] / size
+    noise = np.random.default_rng(5).random((size, size))
+    return (0.1 + 0.2 * x + 0.1 * y + 0.6 * noise).astype(np.float32)[..., None]
+
+
+@pytest.mark.parametrize("scale", [(1, 1), (3, 0.5)])
+def test_mip_maps_are_those_of_the_same_uvs_as_first_set(scale: tuple[float, float], device: str) -> None:
+    """Seen from afar: an image of the second set is filtered as if that set were the first, whatever the first is."""
+    pictures = []
+    for second in (False, True):
+        options = {"uv_set": "second"} if second else {}
+        texture = dl.textures.image(smooth(), color_space="linear", **options)
+        arrays = {"uvs": FIRST * np.float32(scale), "second_uvs": SECOND} if second else {"uvs": SECOND}
+        white = dl.materials.diffuse(reflectance=texture)
+        scene = scene_of(dl.shapes.mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], material=white, **arrays))
+        scene.environment = dl.environments.constant(radiance=1)
+        scene.render.max_depth = 2
+        pictures.append(dl.render(scene, spp=1, size=(16, 8), device=device, progress=False, seed=2).array)
+    np.testing.assert_allclose(*pictures, rtol=2e-4)
+    sharp = dl.textures.image(smooth(), color_space="linear", mip_maps=False)
+    scene = scene_of(sheet(dl.materials.diffuse(reflectance=sharp), uvs=SECOND))
+    scene.environment = dl.environments.constant(radiance=1)
+    scene.render.max_depth = 2
+    without = dl.render(scene, spp=1, size=(16, 8), device=device, progress=False, seed=2).array
+    assert np.abs(without - pictures[1]).max() > 0.1  # there is something to filter
+
+
+def test_bump_maps_read_it(device: str) -> None:
+    """Slopes are those that the same coordinates give as the first set: turned, stretched, under a moved image."""
+    y, x = np.mgrid[0:32, 0:32] / 32
+    heights = (0.02 * np.sin(7 * x + 3) * np.cos(5 * y)).astype(np.float32)[..., None]
+    turned = SECOND @ np.float32([(0.8, 0.6), (-1.2, 1.6)])
+    pictures = []
+    for options, arrays in (({}, {"uvs": turned}), ({"uv_set": "second"}, {"uvs": FIRST, "second_uvs": turned})):
+        bump = dl.textures.image(heights, color_space="linear", uv_scale=(0.5, 0.7), wrap_u="mirror", **options)
+        matt = dl.materials.diffuse(reflectance=0.8, bump=bump)
+        scene = scene_of(dl.shapes.mesh(CORNERS, [(0, 1, 2), (0, 2, 3)], material=matt, **arrays))
+        scene.add(dl.lights.point(position=(0.5, 0.2, 1), intensity=1))
+        pictures.append(dl.render(scene, spp=4, size=(16, 8), device=device, progress=False, seed=2).array)
+    np.testing.assert_allclose(*pictures, rtol=1e-3)
+    assert pictures[0].std() > 0.01
+
+
 def test_what_is_wrong_with_it() -> None:
     second = dl.materials.diffuse(reflectance=image("second"))
-    colors = np.ones((4, 3), np.float32)
+    both = dl.textures.checker_uv(even=image("second"), odd=0.5)
     for shape, said in (
         (sheet(second, second_uvs=None), r"shapes\[0\]\.material: an image of the second uv set.*uv_set: first"),
         (dl.shapes.quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material=second), "an image of the second uv set"),
         (dl.shapes.sphere((0, 0, 0), 1, material=second), "an image of the second uv set"),
-        (sheet(second, colors=colors), r"second_uvs: colors and second_uvs.*one of them"),
-        (sheet(dl.materials.diffuse(reflectance=dl.textures.vertex_color())), "vertex colours of a mesh with second"),
-        (sheet(dl.materials.diffuse(bump=image("second"))), "a bump map of the second uv set"),
+        (sheet(dl.materials.diffuse(bump=both)), "a bump map of two uv sets"),
         (sheet(second, second_uvs=SECOND[:3]), "3 second_uvs for 4 vertices"),
         (sheet(second, second_uvs=SECOND * np.nan), "not a finite number"),
     ):

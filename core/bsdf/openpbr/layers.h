@@ -47,15 +47,33 @@ struct Layers {
     return base.only_delta() && (base.inside || (fuzz.weight <= 0 && (coat <= 0 || coat_ggx.smooth())));
   }
 
-  DST_HD DST_COLD Vec3 eval(Vec3 wo, Vec3 wi) const { return wi.z == 0 ? Vec3(0) : eval(wi, view(wo)); }
-  DST_HD DST_COLD float pdf(Vec3 wo, Vec3 wi) const {
-    if (wi.z == 0) return 0;
+  // What evaluation wants to know of wo.
+  struct View {
+    Vec3 wo, coat_wo;  // in the base's frame and in the coat's
+    Base::View base;
+    Fuzz::View fuzz;
+    float through_fuzz = 1;  // what the fuzz leaves to what is below
+    float coat_albedo = 0;
+    Vec3 dark{1};  // factor of the base under the coat
+  };
+  // Probabilities of the lobes: their estimated shares of the light.
+  struct Lobes {
+    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0;
+  };
+  // All that there is to know of wo: most of the work of answering for a direction.
+  struct Seen {
+    View view;
+    Lobes lobes;
+  };
+  DST_HD DST_COLD Seen see(Vec3 wo) const {
     const View v = view(wo);
-    return pdf(v, wi, lobes(v));
+    return {v, lobes(v)};
   }
-  DST_HD DST_COLD BsdfSample sample(Vec3 wo, float u_lobe, Vec2 u) const {
-    const View v = view(wo);
-    const Lobes p = lobes(v);
+  DST_HD Vec3 eval(const Seen& seen, Vec3 wi) const { return wi.z == 0 ? Vec3(0) : eval(wi, seen.view); }
+  DST_HD float pdf(const Seen& seen, Vec3 wi) const { return wi.z == 0 ? 0.0f : pdf(seen.view, wi, seen.lobes); }
+  DST_HD DST_COLD BsdfSample sample(const Seen& seen, float u_lobe, Vec2 u) const {
+    const View& v = seen.view;
+    const Lobes& p = seen.lobes;
     if (p.fuzz + p.coat + p.facet + p.up + p.down <= 0) return {};
     Vec3 wi;
     if ((u_lobe -= p.fuzz) < 0) {
@@ -84,15 +102,6 @@ struct Layers {
   DST_HD Vec3 from_base(Vec3 wi) const { return turned ? base_frame.leave(wi) : wi; }
   DST_HD Vec3 from_coat(Vec3 wi) const { return turned ? coat_frame.leave(wi) : wi; }
 
-  // What there is to know of wo.
-  struct View {
-    Vec3 wo, coat_wo;  // in the base's frame and in the coat's
-    Base::View base;
-    Fuzz::View fuzz;
-    float through_fuzz = 1;  // what the fuzz leaves to what is below
-    float coat_albedo = 0;
-    Vec3 dark{1};  // factor of the base under the coat
-  };
   DST_HD DST_COLD View view(Vec3 wo) const {
     View v;
     v.wo = turned ? base_frame.view(wo) : wo;
@@ -180,10 +189,6 @@ struct Layers {
     return base.thin ? 1.0f : 4.0f * cos_o * cos_i * sqr(base.eta / (cos_o - base.eta * cos_i));
   }
 
-  // Probabilities of the lobes: their estimated shares of the light.
-  struct Lobes {
-    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0;
-  };
   DST_HD DST_COLD Lobes lobes(const View& v) const {
     Lobes p;
     float rest = 1;

@@ -164,9 +164,15 @@ struct OpenPbr {
     layers.finish();
   }
   DST_HD bool is_delta() const { return layers.only_delta(); }
-  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const { return layers.eval(wo, wi); }
-  DST_HD float pdf(Vec3 wo, Vec3 wi) const { return layers.pdf(wo, wi); }
-  DST_HD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const { return layers.sample(wo, uc, u); }
+  DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const { return eval(see(wo), wi); }
+  DST_HD float pdf(Vec3 wo, Vec3 wi) const { return pdf(see(wo), wi); }
+  DST_HD BsdfSample sample(Vec3 wo, float uc, Vec2 u) const { return sample(see(wo), uc, u); }
+  // The same for who asks several times about one wo.
+  using Seen = openpbr::Layers::Seen;
+  DST_HD Seen see(Vec3 wo) const { return layers.see(wo); }
+  DST_HD Vec3 eval(const Seen& wo, Vec3 wi) const { return layers.eval(wo, wi); }
+  DST_HD float pdf(const Seen& wo, Vec3 wi) const { return layers.pdf(wo, wi); }
+  DST_HD BsdfSample sample(const Seen& wo, float uc, Vec2 u) const { return layers.sample(wo, uc, u); }
 
  private:
   // What is less than a hundred-thousandth is nothing: the probabilities of such lobes would round to anything.

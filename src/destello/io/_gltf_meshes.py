@@ -204,11 +204,7 @@ class Meshes:
             data["tangents"] = self._vectors(primitive, "TANGENT", ("VEC4",))
         first, second = self._materials.uv_sets(self._materials.of(primitive.item))
         self._add_uvs(primitive, "uvs", first or 0, wanted=first is not None)
-        if second is not None and "COLOR_0" in attributes:
-            self._note(
-                f"{attributes.place}: no room for TEXCOORD_{second} beside COLOR_0: TEXCOORD_{first} stands for it"
-            )
-        elif second is not None:
+        if second is not None:
             self._add_uvs(primitive, "second_uvs", second)
         if "COLOR_0" in attributes:
             data["colors"] = np.clip(self._vectors(primitive, "COLOR_0", ("VEC3", "VEC4")), 0, 1)
