@@ -177,28 +177,23 @@ void register_optics(nb::module_& m) {
       nb::arg("cos_i"), nb::arg("eta"), nb::arg("schlick") = false, "Reflectance and cosine of the refracted ray.");
   m.def(
       "openpbr_albedos",
-      [](float cosine, float roughness, float eta) {
-        nb::dict d;
-        d["reflected"] = openpbr::reflected(cosine, roughness, max(eta, 1.0f));
-        d["lost"] = openpbr::lost(cosine, roughness, eta);
-        d["facets_lose"] = openpbr::facets_lose(cosine, roughness);
-        d["fuzz"] = min(openpbr::fuzz_albedo(cosine, roughness), 1.0f);
-        return d;
-      },
-      nb::arg("cosine"), nb::arg("roughness"), nb::arg("eta"), "OpenPBR's tables of single scattering.");
-  m.def(
-      "openpbr_stretched_losses",
       [](const std::array<float, 3>& w, float ax, float ay, float eta) {
         const Ggx g = {ax, ay};
         const Vec3 d = {w[0], w[1], w[2]};
-        nb::dict out;
-        out["facets_lose"] = openpbr::facets_lose(d, g), out["facets_lose_mean"] = openpbr::facets_lose_mean(g);
-        out["lost"] = openpbr::lost(d, g, eta), out["lost_mean"] = openpbr::lost_mean(g, eta);
+        const openpbr::SeenFacets seen = openpbr::seen_facets(d, g);
         const float above = eta < 1 ? 1 / eta : eta;
-        out["reflected"] = openpbr::reflected(d, g, above), out["reflected_mean"] = openpbr::reflected_mean(g, above);
+        nb::dict out;
+        out["facets_lose"] = seen.lost, out["facets_lose_mean"] = openpbr::facets_lose_mean(g);
+        out["lost"] = openpbr::lost(d, g, eta), out["lost_mean"] = openpbr::lost_mean(g, eta);
+        out["reflected"] = seen.reflected(above), out["reflected_mean"] = openpbr::reflected_mean(g, above);
         return out;
       },
-      nb::arg("w"), nb::arg("ax"), nb::arg("ay"), nb::arg("eta"), "OpenPBR's tables for anisotropic facets.");
+      nb::arg("w"), nb::arg("ax"), nb::arg("ay"), nb::arg("eta"),
+      "OpenPBR's tables of single scattering, for a direction above facets of those alphas.");
+  m.def(
+      "openpbr_fuzz_albedo",
+      [](float cosine, float roughness) { return min(openpbr::fuzz_albedo(cosine, roughness), 1.0f); },
+      nb::arg("cosine"), nb::arg("roughness"), "OpenPBR's table of the fuzz.");
   m.def(
       "openpbr_interior",
       [](const nb::dict& values) {

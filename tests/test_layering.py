@@ -40,9 +40,11 @@ MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
 # Tables of numbers or names, which no reader reads; and nothing else.
 LONG_FILES = {"core/bsdf/openpbr/tables.h"}
+TABLES = ("facet", "loss", "stretched", "stretched_loss", "stretched_reflected_mean", "stretched_loss_mean", "fuzz")
+TABLES += ("reflected_mean", "loss_mean", "coupling")
 LONG_FUNCTIONS = {
     *(f"core/bsdf/ggx_albedo_table.h:ggx_albedo_{table}" for table in "ab"),
-    *(f"core/bsdf/openpbr/tables.h:{table}_entry" for table in ("reflected", "lost", "stretched")),
+    *(f"core/bsdf/openpbr/tables.h:{table}_entry" for table in TABLES),
 }
 
 COMPILER = os.environ.get("CXX") or shutil.which("g++") or shutil.which("clang++")

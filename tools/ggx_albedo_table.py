@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from microfacets import Floats, cosine_mean, lines, masked, toward, visible_normals
+from microfacets import Floats, cosine_mean, lines, masked, midpoints, toward, visible_normals
 
 SIZE = 32  # entries along each axis
 NODES = 256  # quadrature nodes along each of the two dimensions of a microfacet sample
@@ -20,7 +20,7 @@ def split_albedo(mu: float, alpha: float) -> tuple[float, float]:
     normals with Smith's height-correlated G2.
     """
     out = toward(mu)
-    h, cosine = visible_normals(out, alpha, alpha, NODES)
+    h, cosine = visible_normals(out, alpha, alpha, midpoints(NODES))
     passed = masked(out, 2 * cosine[:, None] * h - out, alpha, alpha)
     weight = (1 - cosine) ** 5
     return float(np.mean(passed * (1 - weight))), float(np.mean(passed * weight))

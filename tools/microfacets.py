@@ -14,15 +14,30 @@ def toward(mu: float, cos_phi: float = 1) -> Floats:
     return np.array([sine * cos_phi, sine * np.sqrt(1 - cos_phi * cos_phi), mu])
 
 
-def visible_normals(out: Floats, ax: float, ay: float, nodes: int) -> tuple[Floats, Floats]:
+def midpoints(nodes: int) -> tuple[Floats, Floats]:
+    """Return the midpoint rule with `nodes` along each side of the unit square."""
+    u = (np.arange(nodes) + 0.5) / nodes
+    u1, u2 = (x.ravel() for x in np.meshgrid(u, u))
+    return u1, u2
+
+
+def lattice(index: int) -> tuple[Floats, Floats]:
+    """Return the Fibonacci lattice of as many points as that Fibonacci number: edges cross it nowhere in a row."""
+    before, n = 1, 1
+    for _ in range(index - 2):
+        before, n = n, before + n
+    i = np.arange(n) + 0.5
+    return (i * before / n) % 1, i / n
+
+
+def visible_normals(out: Floats, ax: float, ay: float, square: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """Return normals of GGX seen from `out` (3,), all equally likely, and their cosines to it.
 
-    Spherical caps (Dupuy and Benyoub 2023) by the midpoint rule with `nodes` in each of the two dimensions.
+    Spherical caps (Dupuy and Benyoub 2023) for those points of the unit square.
     """
     if ax == 0:
         return np.array([[0.0, 0.0, 1.0]]), out[2:]
-    u = (np.arange(nodes) + 0.5) / nodes
-    u1, u2 = (x.ravel() for x in np.meshgrid(u, u))
+    u1, u2 = square
     stretched = out * [ax, ay, 1]
     stretched /= np.linalg.norm(stretched)
     z = (1 - u2) * (1 + stretched[2]) - stretched[2]

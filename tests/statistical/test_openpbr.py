@@ -32,7 +32,7 @@ def even(first: int, last: int, steps: int) -> st.SearchStrategy[float]:
 unit = even(0, 10_000, 10_000)
 tiny = st.sampled_from([1e-45, 1e-39, 4e-34, 1e-20, 1e-9, 1e-6, 9e-6, 1.1e-5, 1 - 2e-5, 1 - 1e-6, 1 - 2**-24])
 share = st.one_of(st.sampled_from([0.0, 1.0]), unit, tiny)
-index, any_index = even(1000, 3000, 1000), even(334, 3000, 1000)
+index, any_index = even(1000, 3000, 1000), st.one_of(even(334, 3000, 1000), even(100, 10_000, 1000))
 colour = st.tuples(unit, unit, unit)
 
 BASE = {
@@ -96,7 +96,7 @@ def test_white_furnace(
     if params["base_metalness"] > 0:
         params = {**params, "specular_weight": 1.0}  # which is metal's reflectance
     albedo, slack = mean_power(case({**params, **WHITE}, front=front, outside=outside, tilt=tilt), view)
-    tables = 0.05 if any(params[name] > 0 for name in ANISOTROPY) else 0.02
+    tables = 0.02 if any(params[name] > 0 for name in ANISOTROPY) else 0.01
     np.testing.assert_allclose(albedo, 1, atol=float(slack.max()) + tables)
 
 

@@ -47,7 +47,7 @@ def steps(lo: float, hi: float) -> st.SearchStrategy[float]:
 
 
 LIMITS = {
-    "specular_ior": (1.8, 3.0), "specular_weight": (0.6, 2.0), "coat_ior": (1.0, 3.0),
+    "specular_ior": (1.8, 8.0), "specular_weight": (0.6, 2.0), "coat_ior": (1.0, 8.0),
     "specular_roughness_anisotropy": (0.0, 0.4), "coat_roughness_anisotropy": (0.0, 0.4),
     "geometry_coat_normal_scale": (0.0, 1.0),
 }  # fmt: skip

@@ -105,11 +105,15 @@ def test_light_among_metal_facets_is_coloured(cosine: float) -> None:
 
 
 def test_anisotropy_keeps_the_mean_square() -> None:
-    """alpha_x = alpha sqrt(2 / (1 + a^2)), alpha_y = a alpha_x with a = 1 - anisotropy."""
+    """alpha_x = alpha sqrt(2 / (1 + a^2)), alpha_y = a alpha_x with a = 1 - anisotropy.
+
+    What the facets lose, 0.9 % of the light, comes back evenly on top of single scattering.
+    """
     words = {"base_metalness": 1.0, "base_color": 1.0, "specular_roughness": 0.3, "specular_roughness_anisotropy": 0.6}
     ax = 0.09 * np.sqrt(2 / (1 + 0.4**2))
     wi = np.array([direction(c, t) for c in (0.995, 0.97, 0.9) for t in (0, 0.1, 0.25)], np.float64)
-    np.testing.assert_allclose(case(words).eval((0, 0, 1), wi)[:, 0], ggx((0, 0, 1), wi, ax, 0.4 * ax), rtol=0.02)
+    single = ggx((0, 0, 1), wi, ax, 0.4 * ax)
+    np.testing.assert_allclose(case(words).eval((0, 0, 1), wi)[:, 0], single, rtol=0.01, atol=0.002)
 
 
 # --- gloss and glass -------------------------------------------------------------------------------------------------

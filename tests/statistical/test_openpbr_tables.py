@@ -17,23 +17,23 @@ Floats = NDArray[np.float64]
 
 @pytest.mark.parametrize("cosine", [0.1, 0.35, 0.6, 0.97])
 @pytest.mark.parametrize("roughness", [0.13, 0.45, 0.77, 1.0])
-@pytest.mark.parametrize("ior", [1.15, 1.5, 2.7])
+@pytest.mark.parametrize("ior", [1.15, 1.5, 2.7, 7.0])
 def test_tables_are_the_albedos_of_single_scattering(ior: float, roughness: float, cosine: float) -> None:
     """Against brute force: samples of `dielectric` and `conductor`, which scatter once."""
     n = 200_000
     u = np.random.default_rng([int(100 * ior), int(100 * roughness), int(100 * cosine)]).random((n, 3))
     u = u.astype(np.float32).clip(0, 1 - 2**-24)
-    wo = direction(cosine, 0.2)
+    wo, alpha = direction(cosine, 0.2), roughness**2
     for front in (True, False):
         s = Case("dielectric", {"ior": ior, "roughness": roughness}, front=front).sample(wo, u)
-        t = testing.openpbr_albedos(cosine, roughness, ior if front else 1 / ior)
+        t = testing.openpbr_albedos(tuple(wo), alpha, alpha, ior if front else 1 / ior)
         assert_mean(1 + s.power()[:, 0], 2 - t["lost"], comparisons=200, slack=0.004)
         if front:
             assert_mean(
                 1 + np.where(s.transmitted, 0, s.power()[:, 0]), 1 + t["reflected"], comparisons=200, slack=0.0015
             )
     s = Case("conductor", {"roughness": roughness, "fresnel": "none", "reflectance": 1.0}).sample(wo, u)
-    t = testing.openpbr_albedos(cosine, roughness, 1.0)
+    t = testing.openpbr_albedos(tuple(wo), alpha, alpha, 1.0)
     assert_mean(1 + s.power()[:, 0], 2 - t["facets_lose"], comparisons=200, slack=0.0015)
 
 
@@ -45,49 +45,37 @@ def stretched(roughness: float, stretch: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("anisotropy", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("roughness", [0.25, 0.55, 0.9])
-@pytest.mark.parametrize("ior", [1.5, 2.0])
+@pytest.mark.parametrize("ior", [1.5, 2.0, 5.0])
 def test_tables_of_anisotropic_facets(ior: float, roughness: float, anisotropy: float) -> None:
-    """Against brute force, whichever the azimuth: within 0.03 of all light, and within 0.45 of what anisotropy changes.
+    """Against brute force, whichever the azimuth: within 0.012 of all light, losses from within glass within 0.06.
 
-    The latter (root mean squares over directions) is 1 for tables that take no notice of anisotropy. The same random
-    numbers tell what isotropic facets of the same mean square do, so most of the noise goes out of the change.
+    There total reflection begins at an edge that the table does not follow.
     """
     aspect = 1 - anisotropy
-    axes, round_axes = stretched(roughness, (1 - aspect) / (1 + aspect)), stretched(roughness, 0.0)
+    axes = stretched(roughness, (1 - aspect) / (1 + aspect))
     rng = np.random.default_rng([int(100 * ior), int(100 * roughness), int(10 * anisotropy)])
     u = rng.random((100_000, 2))
-    found: dict[str, list[tuple[float, float]]] = {}
-    for cosine, turns in itertools.product((0.1, 0.25, 0.4, 0.7), (0.0, 0.14, 0.25)):
+    for cosine, turns in itertools.product((0.04, 0.1, 0.25, 0.4, 0.7), (0.0, 0.14, 0.25)):
         wo = direction(cosine, turns).astype(np.float64)
         for eta in (ior, 1 / ior):
-            tables, round_tables = (testing.openpbr_stretched_losses(tuple(wo), *a, eta) for a in (axes, round_axes))
-            brute, round_brute = (single_scattering(wo, *a, eta, u) for a in (axes, round_axes))
+            tables, brute = testing.openpbr_albedos(tuple(wo), *axes, eta), single_scattering(wo, *axes, eta, u)
             for name, value in brute.items():
                 if name != "reflected" or eta > 1:
-                    assert_mean(1 + value, 1 + tables[name], comparisons=2000, slack=0.03)
-                change = (tables[name] - round_tables[name], float((value - round_brute[name]).mean()))
-                found.setdefault(name, []).append(change)
-    for name in ("lost", "facets_lose"):  # the reflected share has no table of its own
-        ours, brute_force = np.array(found[name]).T
-        off = np.linalg.norm(ours - brute_force) / np.linalg.norm(brute_force)
-        assert off < 0.45, f"{name}: {off:.2f}"
+                    slack = 0.06 if name == "lost" and eta < 1 else 0.012
+                    assert_mean(1 + value, 1 + tables[name], comparisons=2000, slack=slack)
 
 
 @pytest.mark.parametrize(("anisotropy", "roughness"), [(0.3, 0.9), (0.6, 0.55), (0.6, 0.9), (0.9, 0.55), (0.9, 0.9)])
 def test_means_of_anisotropic_facets(roughness: float, anisotropy: float) -> None:
     """The same for means over cosine-distributed directions."""
     aspect = 1 - anisotropy
-    axes, round_axes = stretched(roughness, (1 - aspect) / (1 + aspect)), stretched(roughness, 0.0)
+    axes = stretched(roughness, (1 - aspect) / (1 + aspect))
     u = np.random.default_rng([int(100 * roughness), int(10 * anisotropy)]).random((400_000, 4))
     r, turns = np.sqrt(u[:, 2]), 2 * np.pi * u[:, 3]
     wo = np.stack([r * np.cos(turns), r * np.sin(turns), np.sqrt(1 - u[:, 2])], -1)
-    tables, round_tables = (testing.openpbr_stretched_losses((0, 0, 1), *a, 1.5) for a in (axes, round_axes))
-    brute, round_brute = (single_scattering(wo, *a, 1.5, u) for a in (axes, round_axes))
+    tables, brute = testing.openpbr_albedos((0, 0, 1), *axes, 1.5), single_scattering(wo, *axes, 1.5, u)
     for name, value in brute.items():
-        assert_mean(1 + value, 1 + tables[f"{name}_mean"], comparisons=20, slack=0.005)
-    change = tables["facets_lose_mean"] - round_tables["facets_lose_mean"]
-    brute_change = (brute["facets_lose"] - round_brute["facets_lose"]).mean()
-    assert abs(change - brute_change) < 0.45 * abs(brute_change)
+        assert_mean(1 + value, 1 + tables[f"{name}_mean"], comparisons=20, slack=0.002)
 
 
 def single_scattering(wo: Floats, ax: float, ay: float, eta: float, u: Floats) -> dict[str, Floats]:
@@ -120,7 +108,7 @@ def single_scattering(wo: Floats, ax: float, ay: float, eta: float, u: Floats) -
 
 
 def test_fuzz_albedo_by_quadrature() -> None:
-    for roughness in (0.3, 0.6, 1.0):
+    for roughness in (0.12, 0.3, 0.6, 1.0):
         c = Case(
             "openpbr",
             {"base_color": 0.0, "specular_weight": 0.0, "fuzz_weight": 1.0, "fuzz_roughness": roughness},
@@ -131,4 +119,4 @@ def test_fuzz_albedo_by_quadrature() -> None:
             phi = (np.arange(64) + 0.5) / 64
             wi = np.array([direction((a + 1) / 2, b) for a in z for b in phi])
             got = (c.eval(wo, wi)[:, 0].reshape(64, 64).mean(axis=1) * w / 2).sum() * 2 * np.pi
-            assert got == pytest.approx(testing.openpbr_albedos(cosine, roughness, 1.0)["fuzz"], abs=0.01)
+            assert got == pytest.approx(testing.openpbr_fuzz_albedo(cosine, roughness), abs=0.003)

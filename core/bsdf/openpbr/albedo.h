@@ -1,11 +1,13 @@
 // Directional albedos of OpenPBR's lobes, from tables: what the layers below and multiple scattering have to make up for.
 #pragma once
 
-#include "bsdf/ggx_albedo_table.h"
+#include "bsdf/fresnel.h"
 #include "bsdf/microfacet.h"
 #include "bsdf/openpbr/tables.h"
 
 namespace destello::openpbr {
+
+// Axes of the tables (tools/openpbr_facets.py has the same), chosen so that what is looked up is nearly linear along them.
 
 // A place between two of n nodes over [0, 1].
 struct Between {
@@ -16,167 +18,179 @@ struct Between {
     i = min(static_cast<int>(t), n - 2);
     f = t - static_cast<float>(i);
   }
-  DST_HD float weight(int end) const { return end == 0 ? 1.0f - f : f; }
 };
 
-struct ReflectedTable {
-  static constexpr int kRatios = kReflecting, kRows = kFineRoughnesses;
-  DST_HD static Between ratio(float eta) { return {safe_sqrt(2 * (eta - 1) / (eta + 1)), kRatios}; }
-  // Towards grazing angles equal steps miss how steeply reflectance rises with the ratio. Between two nodes it goes as that of
-  // a smooth boundary does for light polarised across, at the cosine of a facet that is seen.
-  DST_HD static Between ratio(float eta, float cosine, float roughness) {
-    Between s = ratio(eta);
-    const float c2 = cosine * cosine, seen = max(c2 + 0.5f * sqr(sqr(roughness)) * (1 - c2), 1e-6f);
-    const float low = across(seen, node(s.i)), high = across(seen, node(s.i + 1));
-    s.f = saturate((across(seen, eta) - low) / (high - low));
-    return s;
+// Visits the corners of the cell, by index and weight; the first of N axes is the fastest.
+template <int N, class Visit>
+DST_FN void corners(const Between (&at)[N], const int (&sizes)[N], const Visit& visit) {
+  for (int k = 0; k < 1 << N; ++k) {
+    int index = 0;
+    float weight = 1;
+    for (int a = N - 1; a >= 0; --a) {
+      const int end = k >> a & 1;
+      index = index * sizes[a] + at[a].i + end;
+      weight *= end == 1 ? at[a].f : 1.0f - at[a].f;
+    }
+    if (weight > 0) visit(index, weight);
   }
-  DST_HD static float across(float cosine2, float eta) {
-    const float c = sqrtf(cosine2), t = sqrtf(eta * eta - 1 + cosine2);
-    return sqr((t - c) / (t + c));
-  }
-  DST_HD static float node(int i) {
-    const float s = static_cast<float>(i) / (kRatios - 1);
-    return (2 + s * s) / (2 - s * s);
-  }
-  DST_HD static float entry(int i) { return static_cast<float>(reflected_entry(i)); }
-  DST_HD static float mean_entry(int i) { return static_cast<float>(reflected_mean_entry(i)); }
-};
-struct LostTable {
-  static constexpr int kRatios = kPassing, kRows = kRoughnesses;
-  DST_HD static Between ratio(float eta, int nodes = kRatios) {
-    const float s = (eta - 1) / (eta + 1);
-    return {0.5f + 0.5f * copysignf(sqrtf(2 * fabsf(s)), s), nodes};
-  }
-  DST_HD static Between ratio(float eta, float, float) { return ratio(eta); }
-  DST_HD static float entry(int i) { return static_cast<float>(lost_entry(i)); }
-  DST_HD static float mean_entry(int i) { return static_cast<float>(lost_mean_entry(i)); }
-};
-
-template <class Table>
-DST_FN DST_COLD float look_up(float cosine, float roughness, float eta) {
-  const Between s = Table::ratio(eta, cosine, roughness), r(roughness, Table::kRows),
-                c(sqrtf(saturate(cosine)), kCosines);
+}
+template <int N, class Entry>
+DST_FN float interpolate(const Between (&at)[N], const int (&sizes)[N], const Entry& entry) {
   float sum = 0;
-  for (int k = 0; k < 4; ++k) {
-    const int row = (s.i + k / 2) * Table::kRows + r.i + k % 2;
-    const float w = (k / 2 == 1 ? s.f : 1 - s.f) * (k % 2 == 1 ? r.f : 1 - r.f);
-    sum += w * lerp(Table::entry(row * kCosines + c.i), Table::entry(row * kCosines + c.i + 1), c.f);
-  }
+  corners(at, sizes, [&](int i, float w) { sum += w * static_cast<float>(entry(i)); });
   return sum * (1.0f / 65535);
 }
-template <class Table>
-DST_FN DST_COLD float look_up_mean(float roughness, float eta) {
-  const Between s = Table::ratio(eta), r(roughness, Table::kRows);
-  const int row = s.i * Table::kRows + r.i;
-  const float a = lerp(Table::mean_entry(row), Table::mean_entry(row + 1), r.f);
-  const float b = lerp(Table::mean_entry(row + Table::kRows), Table::mean_entry(row + Table::kRows + 1), r.f);
-  return lerp(a, b, s.f) * (1.0f / 65535);
-}
 
-// Share of light from a direction that a boundary of dielectrics reflects, single scattering; eta in [1, 3].
-DST_FN float reflected(float cosine, float roughness, float eta) {
-  return look_up<ReflectedTable>(cosine, roughness, eta);
+// Of a direction: spreads out cosines about alpha (the square of the roughness along it), where facets lose most.
+DST_FN float place(float cosine, float roughness) {
+  const float x = sqrtf(saturate(cosine));
+  return x * (1 + roughness) / max(x + roughness, 1e-9f);
 }
-DST_FN float reflected_mean(float roughness, float eta) { return look_up_mean<ReflectedTable>(roughness, eta); }
-// Share that single scattering at such a boundary loses, neither reflected nor refracted; eta in [1/3, 3].
-DST_FN float lost(float cosine, float roughness, float eta) { return look_up<LostTable>(cosine, roughness, eta); }
-DST_FN float lost_mean(float roughness, float eta) { return look_up_mean<LostTable>(roughness, eta); }
-
-// Share that perfectly reflecting facets lose.
-DST_FN DST_COLD float facets_lose(float cosine, float roughness) {
-  constexpr int n = kGgxAlbedoSize;
-  const Between c(sqrtf(saturate(cosine)), n), r(roughness, n);
-  const auto at = [](int i) { return static_cast<float>(ggx_albedo_a(i)) + static_cast<float>(ggx_albedo_b(i)); };
-  const int k = r.i * n + c.i;
-  const float kept = lerp(lerp(at(k), at(k + 1), c.f), lerp(at(k + n), at(k + n + 1), c.f), r.f);
-  return max(1.0f - kept * (1.0f / 65535), 0.0f);
+// About the cosine to the facets that a direction sees.
+DST_FN float seen_cosine(float cosine, float alpha) {
+  return min(sqrtf(cosine * cosine + 0.5f * alpha * alpha * (1 - cosine * cosine)), 1.0f);
 }
-DST_FN float facets_lose_mean(float roughness) {
-  const Between r(roughness, kGgxAlbedoSize);
-  const auto at = [](int i) {
-    return static_cast<float>(ggx_albedo_mean_a(i)) + static_cast<float>(ggx_albedo_mean_b(i));
-  };
-  return max(1.0f - lerp(at(r.i), at(r.i + 1), r.f) * (1.0f / 65535), 0.0f);
+// Of a ratio of indices, from 0 to infinity, in the table of losses: next to 1 it goes by the seen cosine, at which
+// reflection begins to matter.
+DST_FN float step(float eta, float seen, int below, int above) {
+  const float s = (eta - 1) / (eta + 1), g = sqrtf(fabsf(s)), k = 0.7f * seen;
+  const float u = 0.4f * fabsf(s) + 0.6f * g * (1 + k) / max(g + k, 1e-9f);
+  const float node =
+      static_cast<float>(below - 1) + (s < 0 ? -u * static_cast<float>(below - 1) : u * static_cast<float>(above - 1));
+  return node / static_cast<float>(below + above - 2);
 }
-
-// --- anisotropic facets: beside what isotropic ones of the same mean square of alpha do ---
-
 DST_FN float mean_roughness(const Ggx& g) { return sqrtf(sqrtf(0.5f * (g.ax * g.ax + g.ay * g.ay))); }
 
-// Sum over the nodes about g of what `at` says of a row of the table, whose ratios of indices begin at `first`.
-template <class At>
-DST_FN float sum_stretched(const Ggx& g, int first, Between ratio, const At& at) {
-  const Between r(mean_roughness(g), kStretchedRoughnesses);
-  const Between s(fabsf(g.ax - g.ay) / ((g.ax + g.ay) * kMostStretch), kStretches + 1);
-  float sum = 0;
-  for (int k = 0; k < 8; ++k) {
-    const int stretch = s.i + k % 2 - 1;  // without a stretch there is nothing to add
-    const float w = ratio.weight(k / 4) * r.weight(k / 2 % 2) * s.weight(k % 2);
-    if (stretch < 0 || !(w > 0)) continue;
-    sum += w * at(((first + ratio.i + k / 4) * kStretchedRoughnesses + r.i + k / 2 % 2) * kStretches + stretch);
+// Of anisotropic facets: how far they are stretched, whichever way.
+DST_FN Between stretch(const Ggx& g, int n) { return {fabsf(g.ax - g.ay) / ((g.ax + g.ay) * kMostStretch), n}; }
+// Alpha along the azimuth, and where between the lesser and the greater of the two it is.
+struct Along {
+  float alpha, turn;
+  DST_HD Along(Vec3 w, const Ggx& g) {
+    const float across = w.x * w.x + w.y * w.y, least = min(g.ax, g.ay), most = max(g.ax, g.ay);
+    alpha = across > 0 ? sqrtf((sqr(g.ax * w.x) + sqr(g.ay * w.y)) / across) : most;
+    turn = safe_sqrt((alpha - least) / (most - least));
   }
-  return sum * (1.0f / 32767);
-}
-DST_FN DST_COLD float stretched(Vec3 w, const Ggx& g, int first, Between ratio) {
-  const float across = w.x * w.x + w.y * w.y, along = fabsf(g.ax > g.ay ? w.x : w.y);
-  const Between c(sqrtf(saturate(w.z)), kStretchedCosines), a(across > 0 ? along / sqrtf(across) : 0, kAzimuths);
-  return sum_stretched(g, first, ratio, [&](int row) {
-    const auto azimuths = [&](int i) {
-      return lerp(static_cast<float>(stretched_entry(i)), static_cast<float>(stretched_entry(i + 1)), a.f);
-    };
-    const int k = (row * kStretchedCosines + c.i) * kAzimuths + a.i;
-    return lerp(azimuths(k), azimuths(k + kAzimuths), c.f);
+};
+
+// The facets that a direction sees, in four numbers: what is lost where they reflect all, and two cosines that stand
+// for all of them: weighted so, reflectances at these are the mean over the facets, to within 0.3 % of light for
+// dielectrics of 1.1 on, whatever the ratio of indices.
+struct SeenFacets {
+  float lost = 0, low = 1, high = 1, weight = 0.5f;
+  // What they reflect, by their reflectance of a cosine.
+  template <class Reflectance>
+  DST_HD auto reflected(const Reflectance& at) const {
+    return (at(low) * weight + at(high) * (1.0f - weight)) * (1.0f - lost);
+  }
+  DST_HD float reflected(float eta) const {
+    return reflected([eta](float c) { return fresnel_dielectric(c, eta).reflectance; });
+  }
+};
+template <int N, class Entry>
+DST_FN SeenFacets look_up_facets(const Between (&at)[N], const int (&sizes)[N], float seen, const Entry& entry) {
+  float lost = 0, low = 0, high = 0, weight = 0;
+  corners(at, sizes, [&](int i, float w) {
+    const FacetEntry e = entry(i);
+    lost += w * static_cast<float>(e.lost), weight += w * static_cast<float>(e.weight);
+    low += w * static_cast<float>(e.low), high += w * static_cast<float>(e.high);
   });
+  constexpr float unit = 1.0f / 65535;
+  const float c = seen * kMostRatio * unit;
+  return {lost * unit, min(low * c, 1.0f), min(high * c, 1.0f), weight * unit};
 }
-DST_FN DST_COLD float stretched_mean(const Ggx& g, int first, Between ratio) {
-  return sum_stretched(g, first, ratio, [](int row) { return static_cast<float>(stretched_mean_entry(row)); });
-}
-// Facets that reflect all are the table's last ratio.
-DST_FN Between no_ratio() { return {0.0f, 2}; }
-
-// The above for any facets; w.z >= 0.
-DST_FN float facets_lose(Vec3 w, const Ggx& g) {
-  const float isotropic = facets_lose(w.z, mean_roughness(g));
-  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched(w, g, kStretchedRatios, no_ratio()));
-}
-DST_FN float facets_lose_mean(const Ggx& g) {
-  const float isotropic = facets_lose_mean(mean_roughness(g));
-  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched_mean(g, kStretchedRatios, no_ratio()));
-}
-DST_FN float lost(Vec3 w, const Ggx& g, float eta) {
-  const float isotropic = lost(w.z, mean_roughness(g), eta);
-  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched(w, g, 0, LostTable::ratio(eta, kStretchedRatios)));
-}
-DST_FN float lost_mean(const Ggx& g, float eta) {
-  const float isotropic = lost_mean(mean_roughness(g), eta);
-  return g.ax == g.ay ? isotropic : saturate(isotropic + stretched_mean(g, 0, LostTable::ratio(eta, kStretchedRatios)));
-}
-// Dielectrics reflect a share of what perfect facets do: that of isotropic facets whose slopes along the direction's azimuth
-// are the same. `along2`: the square of alpha there.
-DST_FN float along2(const Ggx& g, float cosine2, float sine2) { return sqr(g.ax) * cosine2 + sqr(g.ay) * sine2; }
-DST_FN float reflected(Vec3 w, const Ggx& g, float eta) {
-  const float across = w.x * w.x + w.y * w.y;
-  if (g.ax == g.ay || !(across > 0)) return reflected(w.z, mean_roughness(g), eta);
-  const float r = sqrtf(sqrtf(along2(g, w.x * w.x / across, w.y * w.y / across)));
-  return reflected(w.z, r, eta) * (1.0f - facets_lose(w, g)) / max(1.0f - facets_lose(w.z, r), 1e-6f);
-}
-DST_FN float reflected_mean(const Ggx& g, float eta) {
-  if (g.ax == g.ay) return reflected_mean(mean_roughness(g), eta);
-  const auto share = [&](float cosine2) {
-    const float r = sqrtf(sqrtf(along2(g, cosine2, 1 - cosine2)));
-    return reflected_mean(r, eta) / (1.0f - facets_lose_mean(r));
-  };
-  // Over a quarter of the azimuths, by its Gauss points of cosine^2.
-  return 0.5f * (share(0.8535534f) + share(0.1464466f)) * (1.0f - facets_lose_mean(g));
+// w.z >= 0.
+DST_FN DST_COLD SeenFacets seen_facets(Vec3 w, Ggx g) {
+  if (g.smooth()) return {0, w.z, w.z, 0.5f};
+  const float r = mean_roughness(g);
+  if (g.ax == g.ay) {
+    const Between at[] = {{place(w.z, r), kCosines}, {r, kRoughnesses}};
+    return look_up_facets(at, {kCosines, kRoughnesses}, seen_cosine(w.z, g.ax), [](int i) { return facet_entry(i); });
+  }
+  const Along a(w, g);
+  const Between at[] = {{place(w.z, sqrtf(a.alpha)), kStretchedCosines},
+                        {a.turn, kTurns},
+                        stretch(g, kStretches),
+                        {r, kStretchedRoughnesses}};
+  return look_up_facets(at, {kStretchedCosines, kTurns, kStretches, kStretchedRoughnesses}, seen_cosine(w.z, a.alpha),
+                        [](int i) { return stretched_entry(i); });
 }
 
-// Albedo of the fuzz lobe before it is held below 1.
+// Share of light that single scattering at a boundary of dielectrics loses, neither reflected nor refracted; w.z >= 0.
+DST_FN DST_COLD float lost(Vec3 w, Ggx g, float eta) {
+  const float r = mean_roughness(g);
+  if (g.ax == g.ay) {
+    const float ratio = step(eta, seen_cosine(w.z, g.ax), kBelow, kAbove);
+    const Between at[] = {{ratio, kBelow + kAbove - 1}, {place(w.z, r), kCosines}, {r, kRoughnesses}};
+    return interpolate(at, {kBelow + kAbove - 1, kCosines, kRoughnesses}, [](int i) { return loss_entry(i); });
+  }
+  const Along a(w, g);
+  constexpr int ratios = kStretchedBelow + kStretchedAbove - 1;
+  const float ratio = step(eta, seen_cosine(w.z, a.alpha), kStretchedBelow, kStretchedAbove);
+  const Between at[] = {{ratio, ratios},
+                        {place(w.z, sqrtf(a.alpha)), kLossCosines},
+                        {a.turn, kLossTurns},
+                        stretch(g, kLossStretches),
+                        {r, kLossRoughnesses}};
+  return interpolate(at, {ratios, kLossCosines, kLossTurns, kLossStretches, kLossRoughnesses},
+                     [](int i) { return stretched_loss_entry(i); });
+}
+
+// --- means over cosine-distributed directions, of the above as it is looked up ---
+
+// Of losses the tables have a twelfth of what is left when this is divided out.
+DST_FN float mean_scale(float roughness) { return 12 * roughness * roughness * roughness * sqrtf(roughness); }
+DST_FN DST_COLD float facets_lose_mean(Ggx g) {
+  const float r = mean_roughness(g), scale = mean_scale(r);
+  if (g.ax == g.ay)
+    return scale *
+           interpolate({Between(r, kMeanRoughnesses)}, {kMeanRoughnesses}, [](int i) { return lost_mean_entry(i); });
+  const Between at[] = {stretch(g, kStretches), {r, kStretchedMeanRoughnesses}};
+  return scale *
+         interpolate(at, {kStretches, kStretchedMeanRoughnesses}, [](int i) { return stretched_lost_mean_entry(i); });
+}
+// eta >= 1.
+DST_FN DST_COLD float reflected_mean(Ggx g, float eta) {
+  const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
+  if (g.ax == g.ay) {
+    const Between at[] = {{s, kMeanRatios}, {r, kMeanRoughnesses}};
+    return interpolate(at, {kMeanRatios, kMeanRoughnesses}, [](int i) { return reflected_mean_entry(i); });
+  }
+  const Between at[] = {{s, kStretchedMeanRatios}, stretch(g, kStretches), {r, kStretchedMeanRoughnesses}};
+  return interpolate(at, {kStretchedMeanRatios, kStretches, kStretchedMeanRoughnesses},
+                     [](int i) { return stretched_reflected_mean_entry(i); });
+}
+// A rough diffuse base (EON) scatters light more evenly towards where it came from, and gloss holds back what is grazing: so
+// from there it gives less of the light that gloss leaves than Lambert's does, and more from above. By this times
+// `coupling_shape`, to first order in the roughness' share.
+DST_FN DST_COLD float rough_coupling(float roughness, float eta, float diffuse_roughness) {
+  const Between at[] = {{(eta - 1) / (eta + 1), kMeanRatios}, {roughness, kRoughnesses}};
+  const float most = interpolate(at, {kMeanRatios, kRoughnesses}, [](int i) { return coupling_entry(i); });
+  // EON's part that is not even, beside that of roughness 1
+  constexpr float k = 0.5f - 2.0f / (3.0f * kPi);
+  return (most - 0.5f) * (1.0f / 16) * (diffuse_roughness * (1 + k) / (1 + k * diffuse_roughness));
+}
+DST_FN float coupling_shape(float cosine) {
+  const float m = saturate(1.0f - cosine);
+  return 1.0f - 8.0f * m * m * sqrtf(m);
+}
+DST_FN DST_COLD float lost_mean(Ggx g, float eta) {
+  const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
+  const float scale = mean_scale(r), ratio = 0.5f + 0.5f * copysignf(sqrtf(fabsf(s)), s);
+  if (g.ax == g.ay) {
+    const Between at[] = {{ratio, kMeanSteps}, {r, kMeanRoughnesses}};
+    return scale * interpolate(at, {kMeanSteps, kMeanRoughnesses}, [](int i) { return loss_mean_entry(i); });
+  }
+  const Between at[] = {{ratio, kStretchedMeanSteps}, stretch(g, kLossStretches), {r, kLossMeanRoughnesses}};
+  return scale * interpolate(at, {kStretchedMeanSteps, kLossStretches, kLossMeanRoughnesses},
+                             [](int i) { return stretched_loss_mean_entry(i); });
+}
+
+// Albedo of the fuzz lobe before it is held below 1. Low roughnesses lie closer.
 DST_FN DST_COLD float fuzz_albedo(float cosine, float roughness) {
-  const Between c(sqrtf(saturate(cosine)), kCosines), r(roughness, kRoughnesses);
-  const auto at = [](int i) { return static_cast<float>(fuzz_entry(i)); };
-  const int k = r.i * kCosines + c.i;
-  return lerp(lerp(at(k), at(k + 1), c.f), lerp(at(k + kCosines), at(k + kCosines + 1), c.f), r.f) * (4.0f / 65535);
+  const Between at[] = {{sqrtf(saturate(cosine)), kFuzzCosines},
+                        {safe_sqrt((roughness - kLeastFuzz) / (1 - kLeastFuzz)), kFuzzRoughnesses}};
+  return 4 * interpolate(at, {kFuzzCosines, kFuzzRoughnesses}, [](int i) { return fuzz_entry(i); });
 }
 
 }  // namespace destello::openpbr

@@ -35,6 +35,7 @@ struct Base {
   Vec3 tint{1};  // of what passes
   // Set by finish.
   Vec3 mean_left{1};                  // what gloss leaves to the opaque base, cosine-weighted mean over directions
+  float coupling = 0;                 // of a rough diffuse base with the gloss
   float near_lost = 0, far_lost = 0;  // mean losses of glass on wo's side, and on the other
   float back_share = 1, through_share = 0;  // of glass' loss: what comes back, what goes through
   Vec3 metal_lost;                          // factor of metal's lost light
@@ -48,6 +49,8 @@ struct Base {
 
   DST_HD void finish() {
     if (below + diffuse > 0) mean_left = mean_left_by_gloss();
+    if (diffuse > 0 && diffuse_roughness > 0)
+      coupling = rough_coupling(mean_roughness(ggx), gloss_eta, diffuse_roughness);
     if (metal > 0) {
       const Vec3 f = metal_fresnel.mean();
       const float e = facets_lose_mean(ggx);
@@ -84,9 +87,13 @@ struct Base {
   DST_HD DST_COLD View view(Vec3 w) const {
     const Vec3 up = {w.x, w.y, fabsf(w.z)};
     View v;
-    if (below + diffuse > 0) v.left = left_by_gloss(up);
+    const bool lossy = !smooth() && (metal > 0 || (thin && through > 0));
+    if (lossy || below + diffuse > 0) {
+      const SeenFacets seen = seen_facets(up, ggx);
+      if (below + diffuse > 0) v.left = left_by_gloss(seen);
+      if (lossy) v.metal_lost = seen.lost;
+    }
     if (smooth()) return v;
-    if (metal > 0 || (thin && through > 0)) v.metal_lost = facets_lose(up, ggx);
     if (through > 0 && thin) v.near = v.far = v.metal_lost;
     if (through > 0 && !thin && !passes_delta()) v.near = lost(up, ggx, eta), v.far = lost(up, ggx, 1.0f / eta);
     return v;
@@ -101,7 +108,8 @@ struct Base {
         Diffuse d;
         d.reflectance = color, d.roughness = diffuse_roughness;
         const Vec3 e = d.eval(wo, wi) * diffuse;
-        f += inside ? e : e * (o.left * i.left / mean_left);
+        const float evened = (1.0f - coupling * coupling_shape(wo.z)) * (1.0f - coupling * coupling_shape(wi.z));
+        f += inside ? e : e * (o.left * i.left / mean_left) * evened;
       }
       if (metal > 0) f += metal_lost * (metal * o.metal_lost * i.metal_lost * cosine);
       if (through > 0 && near_lost > 0)
@@ -117,27 +125,10 @@ struct Base {
   }
 
  private:
-  // What gloss reflects of a direction. With a film it is the film's reflectance at that cosine at which the bare gloss
-  // reflects as much of what perfect facets do.
-  DST_HD Vec3 gloss_of(Vec3 w) const {
-    const float e = reflected(w, ggx, gloss_eta);
-    if (!(film.weight > 0)) return Vec3(e);
-    const float most = 1.0f - facets_lose(w, ggx);
-    return min(film.dielectric(cosine_of(e / max(most, 1e-6f)), gloss_eta) * most, Vec3(0.9999f));
+  DST_HD Vec3 left_by_gloss(const SeenFacets& seen) const {
+    if (!(film.weight > 0)) return Vec3(1.0f - seen.reflected(gloss_eta));
+    return Vec3(1) - seen.reflected([this](float c) { return film.dielectric(c, gloss_eta); });
   }
-  DST_HD DST_COLD float cosine_of(float reflectance) const {
-    float lo = 0, hi = 1;
-    for (int i = 0; i < 12; ++i) {
-      const float c = 0.5f * (lo + hi);
-      if (fresnel_dielectric(c, gloss_eta).reflectance > reflectance) {
-        lo = c;
-      } else {
-        hi = c;
-      }
-    }
-    return 0.5f * (lo + hi);
-  }
-  DST_HD Vec3 left_by_gloss(Vec3 w) const { return Vec3(1) - gloss_of(w); }
   DST_HD Vec3 mean_left_by_gloss() const {
     if (!(film.weight > 0)) return Vec3(1.0f - reflected_mean(ggx, gloss_eta));
     constexpr int n = 8;
@@ -145,7 +136,7 @@ struct Base {
     for (int i = 0; i < n; ++i) {  // over a quarter, each cosine with an azimuth of its own
       const float z2 = (static_cast<float>(i) + 0.5f) / n, sine = sqrtf(1.0f - z2);
       const SinCos a = sincos_turns((static_cast<float>(i * 3 % n) + 0.5f) / (4 * n));
-      sum += left_by_gloss({sine * a.cos, sine * a.sin, sqrtf(z2)});
+      sum += left_by_gloss(seen_facets({sine * a.cos, sine * a.sin, sqrtf(z2)}, ggx));
     }
     return sum / static_cast<float>(n);
   }
@@ -164,7 +155,7 @@ struct Base {
     if (passes_delta() && !thin) return;
     if (thin) {
       near_lost = far_lost = facets_lose_mean(ggx);
-      const float f = reflected_mean(0.0f, gloss_eta);
+      const float f = reflected_mean(Ggx{}, gloss_eta);
       back_share = 2 * f / (1 + f);
     } else {
       near_lost = lost_mean(ggx, eta), far_lost = lost_mean(ggx, 1.0f / eta);
@@ -172,7 +163,7 @@ struct Base {
       const bool low = eta >= 1;
       const float n2 = low ? eta * eta : 1.0f / (eta * eta), a = low ? near_lost : far_lost,
                   b = low ? far_lost : near_lost;
-      const float pass = 1.0f - reflected_mean(0.0f, sqrtf(n2));
+      const float pass = 1.0f - reflected_mean(Ggx{}, sqrtf(n2));
       const float from_low = a > 0 ? pass * min(1.0f, b * n2 / (pass * a)) : 0.0f;
       back_share = 1.0f - (low ? from_low : b > 0 ? from_low * a / (b * n2) : 0.0f);
     }

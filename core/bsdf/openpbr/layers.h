@@ -34,7 +34,7 @@ struct Layers {
     base.finish();
     if (!(coat > 0) || base.inside) return;
     coat_reflects = max(coat_eta, 1.0f / coat_eta);
-    rough_held = 1.0f - (1.0f - reflected_mean(0.0f, coat_reflects)) / sqr(coat_reflects);
+    rough_held = 1.0f - (1.0f - reflected_mean(Ggx{}, coat_reflects)) / sqr(coat_reflects);
     const float f0 = normal_reflectance(base.gloss_eta), r = mean_roughness(base.ggx);
     base_roughness = lerp(lerp(1.0f, r, f0), r, base.metal);
     // What passes a glass base is as good as reflected: the coat's inner reflections do not darken it.
@@ -112,7 +112,7 @@ struct Layers {
     v.through_fuzz = 1.0f - fuzz.weight * v.fuzz.albedo;
     if (!(coat > 0)) return v;
     const float mirrored = fresnel_dielectric(v.coat_wo.z, coat_reflects).reflectance;
-    v.coat_albedo = coat_ggx.smooth() ? mirrored : reflected(v.coat_wo, coat_ggx, coat_reflects);
+    v.coat_albedo = coat_ggx.smooth() ? mirrored : seen_facets(v.coat_wo, coat_ggx).reflected(coat_reflects);
     const float held = lerp(mirrored, rough_held, base_roughness);
     const Vec3 d = Vec3(1.0f - held) / (Vec3(1) - base_albedo * held);
     v.dark = lerp(Vec3(1), d, coat * darkening);

@@ -6,8 +6,8 @@
 
 namespace destello {
 
-// Ratios of indices of refraction are from this to 3: so far go the tables of albedos.
-inline constexpr float kLeastIor = 1.0f / 3;
+// Bounds of indices of refraction, and of their ratios: nothing is so far out, and tables hold up to there.
+inline constexpr float kLeastIor = 0.1f, kMostIor = 10;
 
 // What the scene takes from the parameters besides the BSDF: emission_*, geometry_opacity, and the interior (interior.h).
 struct OpenPbr {
@@ -55,7 +55,7 @@ struct OpenPbr {
              "stretches highlights along the tangent")
           .range(0, 1),
       scalar("specular_ior", &S::specular_ior, 1.5f, "index of refraction of the dielectric base, at 587.56 nm")
-          .range(kLeastIor, 3)
+          .range(kLeastIor, kMostIor)
           .constant(),
       scalar("transmission_weight", &S::transmission_weight, 0, "share of translucent base in the dielectric")
           .range(0, 1),
@@ -101,7 +101,7 @@ struct OpenPbr {
       scalar("coat_roughness_anisotropy", &S::coat_roughness_anisotropy, 0,
              "stretches the coat's highlights along the tangent")
           .range(0, 1),
-      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").range(kLeastIor, 3).constant(),
+      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").range(kLeastIor, kMostIor).constant(),
       scalar("coat_darkening", &S::coat_darkening, 1, "how far reflections inside the coat darken the base")
           .range(0, 1),
       scalar("fuzz_weight", &S::fuzz_weight, 0, "coverage of the fuzz").range(0, 1),
@@ -157,7 +157,7 @@ struct OpenPbr {
     layers.fuzz = {seen(fuzz_weight), fuzz_color, fuzz_roughness};
     layers.coat = seen(coat_weight);
     layers.coat_ggx = ggx(coat_roughness, coat_roughness_anisotropy);
-    layers.coat_eta = clamp(coat_ior / context.outside_ior, 1.0f / 3, 3.0f);
+    layers.coat_eta = clamp(coat_ior / context.outside_ior, kLeastIor, kMostIor);
     layers.coat_color = coat_color;
     layers.darkening = coat_darkening;
     if (normals.apart || turns_coat()) lay(context.front);
@@ -211,7 +211,8 @@ struct OpenPbr {
   }
   // The ratio of indices whose reflectance head-on is `weight` times that of eta.
   DST_HD static float modulated(float eta, float weight) {
-    const float s = clamp((eta - 1) / (eta + 1) * sqrtf(weight), -0.5f, 0.5f);
+    constexpr float most = (kMostIor - 1) / (kMostIor + 1);
+    const float s = clamp((eta - 1) / (eta + 1) * sqrtf(weight), -most, most);
     return (1 + s) / (1 - s);
   }
   DST_HD void prepare_boundary(const BsdfContext& context) {

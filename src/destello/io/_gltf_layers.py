@@ -36,7 +36,7 @@ TEXTURED = (  # extension, member: where textures may stand
     ("KHR_materials_diffuse_transmission", "diffuseTransmissionColorTexture"),
 )
 _LEAST_TRANSMITTANCE = 1e-6
-_MOST_IOR = 3.0  # OpenPBR's
+_MOST_IOR, _MOST_FILM_IOR = 10.0, 3.0  # OpenPBR's
 _STRAIGHT = 0.99  # the largest anisotropy: what a thin wall scatters back then is half a per cent
 _NEVER = 1e30  # m: an attenuation distance that attenuates nothing
 
@@ -156,7 +156,7 @@ class Layers:
         return {
             "thin_film_weight": slot(factor, self._texture(film, "iridescenceTexture", "linear")),
             "thin_film_thickness": thickness,
-            "thin_film_ior": min(film.number("iridescenceIor", 1.3, low=1), _MOST_IOR),
+            "thin_film_ior": min(film.number("iridescenceIor", 1.3, low=1), _MOST_FILM_IOR),
         }
 
     def _anisotropy(self, roughness: Value) -> dict[str, Value]:

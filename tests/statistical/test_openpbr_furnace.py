@@ -1,0 +1,84 @@
+"""OpenPBR in a white furnace, over a grid of roughness, cosine and index: what goes in comes out, lobe by lobe.
+
+`test_openpbr.py` has the same for random materials. Numbers are the same in every run; limits are the worst on the grid
+with a little room, and docs/materials.md names them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from bsdf_cases import Case, direction
+
+U = qmc.Sobol(3, rng=7).random(8192).astype(np.float32).clip(0, 1 - 2**-24)
+WHITE = {"base_color": 1.0, "subsurface_color": 1.0}
+COSINES, TURNS = (0.01, 0.05, 0.2, 0.5, 0.9), (0.0, 0.06, 0.13, 0.19, 0.25)
+ROUGHNESSES, FEWER = (0.0, 0.05, 0.12, 0.22, 0.4, 0.6, 0.8, 1.0), (0.2, 0.45, 0.7, 1.0)
+INDICES = (0.15, 0.6, 1.1, 1.5, 2.4, 4.0, 10.0)
+STRETCHED = (0.3, 0.6, 0.8, 0.95)
+
+METAL, GLASS, SUBSURFACE = ({name: 1.0} for name in ("base_metalness", "transmission_weight", "subsurface_weight"))
+SHEET = {"geometry_thin_walled": True, "transmission_weight": 0.5, "subsurface_weight": 0.5}
+COAT = {"coat_weight": 1.0, "specular_weight": 0.0}
+FUZZ = {"fuzz_weight": 1.0, "specular_weight": 0.0}
+ALL = {"coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5, "base_metalness": 0.3} | {
+    "transmission_weight": 0.3, "subsurface_weight": 0.4, "base_diffuse_roughness": 0.5
+}  # fmt: skip
+LOBES = [
+    ("gloss", {}, "specular", (True,), 0.006, 0.014),
+    ("rough diffuse", {"base_diffuse_roughness": 1.0}, "specular", (True,), 0.01, 0.014),
+    ("metal", METAL, "specular", (True,), 0.012, 0.014),
+    ("glass from outside", GLASS, "specular", (True,), 0.014, 0.022),
+    ("glass from inside", GLASS, "specular", (False,), 0.014, 0.12),
+    ("subsurface", SUBSURFACE, "specular", (True, False), 0.006, 0.014),
+    ("sheet", SHEET, "specular", (True,), 0.006, 0.014),
+    ("coat", COAT, "coat", (True,), 0.006, 0.014),
+    ("all", ALL, "specular", (True,), 0.004, 0.01),
+]
+
+
+def off(words: dict[str, Any], cosine: float, turns: float, *, front: bool) -> NDArray[np.float64]:
+    """What a white surface gives back beyond what came, (3,)."""
+    power = Case("openpbr", {**WHITE, **words}, front=front).sample(direction(cosine, turns), U).power()
+    return np.asarray(power.mean(axis=0) - 1)
+
+
+@pytest.mark.parametrize(("words", "layer", "sides", "limit"), [lobe[1:5] for lobe in LOBES], ids=[x[0] for x in LOBES])
+def test_isotropic(words: dict[str, Any], layer: str, sides: tuple[bool, ...], limit: float) -> None:
+    for index, roughness, cosine, front in itertools.product(INDICES, ROUGHNESSES, COSINES, sides):
+        case = {f"{layer}_ior": index, f"{layer}_roughness": roughness, **words}
+        error = np.abs(off(case, cosine, 0.1, front=front)).max()
+        assert error < limit, f"{case} from {cosine}, front={front}: {error:.4f}"
+
+
+@pytest.mark.parametrize(
+    ("words", "layer", "sides", "limit"), [(*x[1:4], x[5]) for x in LOBES], ids=[x[0] for x in LOBES]
+)
+def test_anisotropic(words: dict[str, Any], layer: str, sides: tuple[bool, ...], limit: float) -> None:
+    cells = itertools.product((1.3, 2.0), STRETCHED, FEWER, COSINES[1:], TURNS, sides)
+    for index, stretch, roughness, cosine, turns, front in cells:
+        case = {f"{layer}_ior": index, f"{layer}_roughness": roughness, **words}
+        case[f"{layer}_roughness_anisotropy"] = stretch
+        error = np.abs(off(case, cosine, turns, front=front)).max()
+        assert error < limit, f"{case} from {cosine}, {turns} turns, front={front}: {error:.4f}"
+
+
+def test_fuzz() -> None:
+    for roughness, cosine in itertools.product((0.0, 0.1, 0.13, *ROUGHNESSES[3:]), (*COSINES, 0.12, 0.35)):
+        error = np.abs(off({**FUZZ, "fuzz_roughness": roughness}, cosine, 0.1, front=True)).max()
+        assert error < 0.003, f"{roughness} from {cosine}: {error:.4f}"
+
+
+@pytest.mark.parametrize("index", [1.2, 1.4, 1.9, 2.5])
+def test_thin_film_over_white(index: float) -> None:
+    """Two cosines for all facets are few for the film's colours."""
+    for thickness, roughness, cosine in itertools.product((0.15, 0.3, 0.5, 1.0), ROUGHNESSES[::2], COSINES):
+        film = {"thin_film_weight": 1.0, "thin_film_ior": index, "thin_film_thickness": thickness}
+        error = np.abs(off({**film, "specular_roughness": roughness}, cosine, 0.1, front=True)).max()
+        assert error < 0.05, f"{film}, roughness {roughness} from {cosine}: {error:.4f}"
