@@ -14,8 +14,8 @@ struct FewTriangle {
   uint32_t leaf;
   Vec3 ab, ac, n;  // edges from the first corner, and their cross product
 };
-// More than these are faster in a tree.
-inline constexpr uint32_t kFewTriangles = 64;  // at most: traversal keeps a bit for each
+// More than these are faster in a tree. (And traversal keeps a bit of 64 for each.)
+inline constexpr uint32_t kFewTriangles = 64;
 
 // Such triangles and their vertices, each place once: many triangles share it.
 struct FewTriangles {

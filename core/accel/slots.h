@@ -84,7 +84,8 @@ inline void planes_around(const NodeGrid& grid, const QuadBox& box, Int4* lo, In
   *hi = low - (__builtin_convertvector(low, Quad) < above);  // a comparison that holds is -1
 }
 
-// The bytes of make_node, from children and what assign_slots says of them.
+// A node from its children and what assign_slots says of them. Inner children are nodes from `first_child` on, primitives of the
+// leaf children lie from `first_leaf` on, both in slot order.
 inline Node8 make_host_node(const QuadBox& bounds, const WideChild* children, uint32_t count, uint32_t slots,
                             uint32_t first_child, uint32_t first_leaf) {
   Node8 node;

@@ -110,7 +110,7 @@ inline Order order_paths(const SceneView& scene, const RenderSettings& settings,
     const Path& path = batch->paths[i];
     if (!LambertBatch<kBatch>::takes(scene, path, batch->hits[i])) {
       others[rest++] = i;
-    } else if (path.depth < settings.max_depth || (settings.aovs && !path.first_hit_done)) {
+    } else if (!ends_at_hit(settings, path, settings.aovs != 0)) {
       alive[lambert++] = i;
     }
   }

@@ -11,7 +11,8 @@ extern "C" {
 // Writes the next tile's pixels {x0, y0, x1, y1} to rect; false: none is left.
 using DstNextTile = bool(void* context, uint32_t* rect);
 // Renders the task's samples of one tile after the other. scene: SceneView; task: RenderTask; film: FilmView. counts: rays,
-// samples, non-finite samples, to be added to; and the bytes that a path takes. Looks at *cancel after each batch of paths and returns early.
+// samples, non-finite samples, to be added to; and the bytes that a path takes. Looks at *cancel after each batch of paths and
+// returns early.
 using DstRenderTiles = void(const void* scene, const void* task, const void* film, DstNextTile* next, void* context,
                             const std::atomic<bool>* cancel, uint64_t* counts);
 // Traces n rays (destello::Ray) into hits (destello::Hit). geometry: GeometryView. how: 0 nearest hits, 1 any hits, 2

@@ -22,7 +22,7 @@ struct LightLanes {
         pdf[j] = table[index].pdf;
         any_triangle = true;
       } else {
-        put(j, pick_light<true>(scene, mode, points[j], times[j], own.light_pick_value, own.light_value));
+        put(j, sample_light<true>(scene, index, points[j], times[j], own.light_value, table[index].pdf));
       }
     }
     if (any_triangle) sample_triangles(n, points, numbers.lights());

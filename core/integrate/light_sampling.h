@@ -55,19 +55,25 @@ DST_FN LightPick pick_area_light(const SceneView& scene, uint32_t index, Vec3 p,
   return l;
 }
 
-// Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray. textured: see emitted_radiance.
+// Draws a direction from p towards light number `index` (of all lights in one row), which was picked with that probability.
+// textured: see emitted_radiance.
+template <bool textured, LeafKind kLeaves = LeafKind::Any>
+DST_FN LightPick sample_light(const SceneView& scene, uint32_t index, Vec3 p, float time, Vec2 u, float pick_pdf) {
+  if (index < scene.first_area_light())
+    return pick_from_sample(scene.punctual[index].visit(SamplePunctual{p, u}), p, pick_pdf);
+  if (index < scene.environment_light())
+    return pick_area_light<textured, kLeaves>(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
+  return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
+}
+
+// Draws a light for the point p. A result with pdf 0 or black radiance needs no shadow ray.
 template <bool textured, LeafKind kLeaves = LeafKind::Any>
 DST_FN DST_COLD LightPick pick_light(const SceneView& scene, LightSampling mode, Vec3 p, float time, float u_pick,
                                      Vec2 u) {
   const Span<AliasEntry> table = light_table(scene, mode).pick;
   if (table.empty()) return {};
   const uint32_t index = sample_alias(table, u_pick);
-  const float pick_pdf = table[index].pdf;
-  if (index < scene.first_area_light())
-    return pick_from_sample(scene.punctual[index].visit(SamplePunctual{p, u}), p, pick_pdf);
-  if (index < scene.environment_light())
-    return pick_area_light<textured, kLeaves>(scene, index - scene.first_area_light(), p, u, time, pick_pdf);
-  return pick_from_sample(scene.environment.sample(u, scene.light_data), p, pick_pdf);
+  return sample_light<textured, kLeaves>(scene, index, p, time, u, table[index].pdf);
 }
 
 // The ray from `origin` to just before `target`, both already moved off their surfaces.

@@ -91,6 +91,11 @@ DST_FN bool lights_are_sampled(const SceneView& scene, const RenderSettings& set
   return settings.light_sampling != LightSampling::Bsdf && !light_table(scene, settings.light_sampling).pick.empty();
 }
 
+// Whether a path has its last segment behind it, once it has gathered what it has hit. aovs: features are recorded.
+DST_FN bool ends_at_hit(const RenderSettings& settings, const Path& path, bool aovs) {
+  return path.depth >= settings.max_depth && (!aovs || path.first_hit_done);
+}
+
 // The light sample's contribution and the path's next direction, once the surface is known to be there. `distance`: of
 // the surface from the last scattering.
 template <class Tracer, class Numbers>
@@ -201,7 +206,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   } else if (!path->inside.empty()) {
     outside = path->inside.current(scene.interiors);
   }
-  if (path->depth >= settings.max_depth && (aovs == nullptr || path->first_hit_done)) {
+  if (ends_at_hit(settings, *path, aovs != nullptr)) {
     path->alive = false;
     return;
   }

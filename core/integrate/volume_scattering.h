@@ -61,8 +61,8 @@ DST_FN void roulette(const RenderSettings& settings, Path* path) {
   }
 }
 
-// Takes the path to the next collision in what it is in (`grid`: that varies it), or through it to `end` metres from here: its throughput is then that
-// of the collision, or of the end. Radiance that the medium emits is gathered.
+// Takes the path to the next collision in what it is in (`grid`: that varies it), or through it to `end` metres from here: its
+// throughput is then that of the collision, or of the end. Radiance that the medium emits is gathered.
 DST_FN Flight fly(const SceneView& scene, const Medium& medium, uint32_t grid, float end, Path* path) {
   const uint32_t dimension = bounce_dimension(*path, kDimDistance);
   if (grid == kNoIndex) {

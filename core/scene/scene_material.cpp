@@ -88,9 +88,8 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
   } else {
     add_interior(slots, surface, &m);
   }
-  if (type == index_of<Diffuse>(Materials{}) && m.flags == 0 && slots[0].is_constant() && slots[1].is_constant() &&
-      slots[1].value.x == 0)
-    m.flags |= kIsLambert;
+  // (Without flags no slot has a texture.)
+  if (type == index_of<Diffuse>(Materials{}) && m.flags == 0 && slots[1].value.x == 0) m.flags |= kIsLambert;
   if (!(m.flags & (kHasOpacity | kIsInterface | kIsMix))) m.flags |= kOpaqueToShadows;
   scene_->arrays_.materials.push_back(m);
   own_flags_.push_back(m.flags);
