@@ -3,6 +3,7 @@
 
 #include "accel/sphere_tree.h"
 #include "accel/traversal.h"
+#include "backend/device_textures.cuh"
 #include "base/device_buffer.h"
 #include "scene/scene_edit.h"
 
@@ -55,7 +56,8 @@ class DeviceScene {
     view_.textures.textures.data = keep(&textures_, a.textures, c.textures);
     view_.textures.slots.data = keep(&slots_, a.slots, c.slots);
     view_.textures.images.data = keep(&images_, a.images, c.images);
-    view_.textures.texels = keep(&texels_, a.texels, c.texels);
+    view_.textures.texels = nullptr;
+    view_.textures.objects = image_levels_.load(a);
     view_.textures.srgb_table = keep(&srgb_table_, a.srgb_table);
     view_.punctual.data = keep(&punctual_, a.punctual, c.punctual);
     view_.suns.data = keep(&suns_, a.suns, c.suns);
@@ -110,7 +112,8 @@ class DeviceScene {
   DeviceBuffer<Slot> slots_;
   DeviceBuffer<Image> images_;
   DeviceBuffer<Grid> grids_;
-  DeviceBuffer<unsigned char> texels_, voxels_;
+  DeviceTextures image_levels_;
+  DeviceBuffer<unsigned char> voxels_;
   DeviceBuffer<float> majorants_, srgb_table_, environment_marginal_, environment_conditional_;
   DeviceBuffer<AnyLight> punctual_;
   DeviceBuffer<AreaLight> area_lights_;

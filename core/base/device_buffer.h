@@ -19,6 +19,19 @@ inline void check_cuda(cudaError_t error, const char* what) {
   throw std::runtime_error(std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
 
+inline void check_allocation(cudaError_t error, size_t bytes) {
+  if (error == cudaErrorMemoryAllocation) {
+    cudaGetLastError();
+    size_t free = 0, total = 0;
+    check_cuda(cudaMemGetInfo(&free, &total), "ask for free memory");
+    throw std::runtime_error("CUDA: out of memory: " + std::to_string(bytes >> 20) + " MiB wanted, " +
+                             std::to_string(free >> 20) + " of " + std::to_string(total >> 20) +
+                             " MiB free; a smaller image (--size), smaller textures, a scene of fewer triangles or "
+                             "--device cpu would fit");
+  }
+  check_cuda(error, "allocate memory");
+}
+
 // An array in device memory. Moves, does not copy.
 template <class T>
 class DeviceBuffer {
@@ -50,17 +63,7 @@ class DeviceBuffer {
   void allocate(size_t count) {
     size_ = count;
     if (count == 0) return;
-    const cudaError_t error = cudaMalloc(reinterpret_cast<void**>(&data_), count * sizeof(T));
-    if (error == cudaErrorMemoryAllocation) {
-      cudaGetLastError();
-      size_t free = 0, total = 0;
-      check_cuda(cudaMemGetInfo(&free, &total), "ask for free memory");
-      throw std::runtime_error("CUDA: out of memory: " + std::to_string(count * sizeof(T) >> 20) + " MiB wanted, " +
-                               std::to_string(free >> 20) + " of " + std::to_string(total >> 20) +
-                               " MiB free; a smaller image (--size), smaller textures, a scene of fewer triangles or "
-                               "--device cpu would fit");
-    }
-    check_cuda(error, "allocate memory");
+    check_allocation(cudaMalloc(reinterpret_cast<void**>(&data_), count * sizeof(T)), count * sizeof(T));
     device_memory().device.add(count * sizeof(T));
   }
 

@@ -56,6 +56,7 @@ struct SceneArrays {
   std::vector<Slot> slots;
   std::vector<Image> images;
   std::vector<unsigned char> texels;
+  uint32_t image_levels = 0;  // of all texels
   std::vector<float> srgb_table;
   std::vector<AnyLight> punctual;
   std::vector<uint32_t> suns;

@@ -275,7 +275,7 @@ static Span<T> span(const std::vector<T>& v) {
 
 TextureData SceneArrays::texture_data() const {
   const bool mips = std::any_of(images.begin(), images.end(), [](const Image& i) { return i.levels > 1; });
-  return {span(textures), span(slots), span(images), texels.data(), mips, srgb_table.data()};
+  return {span(textures), span(slots), span(images), texels.data(), nullptr, mips, srgb_table.data()};
 }
 
 void SceneBuilder::make_view() {

@@ -26,6 +26,8 @@ uint32_t SceneBuilder::add_image(Image image, const void* texels, size_t bytes, 
     image.height = static_cast<uint32_t>(kept.height);
     image.levels = mip_maps ? image.levels - halvings : 1;
   }
+  image.first_level = scene_->arrays_.image_levels;
+  scene_->arrays_.image_levels += image.levels;
   scene_->arrays_.images.push_back(image);
   return static_cast<uint32_t>(scene_->arrays_.images.size()) - 1;
 }
@@ -48,6 +50,7 @@ uint32_t SceneBuilder::add_image_again(uint32_t same, Image image) {
   image.offset = first.offset;
   image.width = first.width;
   image.height = first.height;
+  image.first_level = first.first_level;
   image.levels = image.bilinear ? first.levels : 1;
   images.push_back(image);
   return static_cast<uint32_t>(images.size()) - 1;

@@ -21,45 +21,71 @@ DST_FN constexpr uint32_t texel_bytes(TexelFormat format) {
 struct ImageLevel {
   uint64_t offset;  // first byte
   int width, height;
+  uint32_t object;  // its CUDA texture object
 };
 DST_FN ImageLevel next_level(const ImageLevel& l, const Image& image) {
   const uint64_t bytes = static_cast<uint64_t>(image.channels) * texel_bytes(image.format);
   return {l.offset + bytes * static_cast<uint32_t>(l.width) * static_cast<uint32_t>(l.height), max(l.width / 2, 1),
-          max(l.height / 2, 1)};
+          max(l.height / 2, 1), l.object + 1};
 }
 DST_FN ImageLevel image_level(const Image& image, uint32_t level) {
-  ImageLevel l{image.offset, static_cast<int>(image.width), static_cast<int>(image.height)};
+  ImageLevel l{image.offset, static_cast<int>(image.width), static_cast<int>(image.height), image.first_level};
   for (; level > 0; --level) l = next_level(l, image);
   return l;
+}
+
+// One texel's channels as they are stored.
+DST_FN void read_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row,
+                       uint32_t (&raw)[4]) {
+  const uint32_t n = image.channels;
+#ifdef __CUDA_ARCH__
+  // Through the texture unit, unfiltered: its own filter has weights of 8 fractional bits (backend/device_textures.cuh).
+  const cudaTextureObject_t object = data.objects[level.object];
+  const float y = static_cast<float>(row) + 0.5f;
+  if (n != 3) {
+    const uint4 t = tex2D<uint4>(object, static_cast<float>(column) + 0.5f, y);
+    raw[0] = t.x, raw[1] = t.y, raw[2] = t.z, raw[3] = t.w;
+    return;
+  }
+  for (int i = 0; i < 3; ++i) raw[i] = tex2D<uint32_t>(object, static_cast<float>(3 * column + i) + 0.5f, y);
+#else
+  const uint64_t first =
+      (static_cast<uint64_t>(row) * static_cast<uint32_t>(level.width) + static_cast<uint32_t>(column)) * n;
+  const unsigned char* p = data.texels + level.offset + first * texel_bytes(image.format);
+  for (uint32_t i = 0; i < 4; ++i) {
+    if (i >= n) break;
+    if (image.format == TexelFormat::U8)
+      raw[i] = p[i];
+    else if (image.format == TexelFormat::F32)
+      raw[i] = reinterpret_cast<const uint32_t*>(p)[i];
+    else
+      raw[i] = reinterpret_cast<const uint16_t*>(p)[i];
+  }
+#endif
 }
 
 // One texel as linear RGBA. One channel is a grey, two are grey and alpha; what is missing of alpha is 1.
 DST_FN Vec4 fetch_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
   const uint32_t n = image.channels;
-  const uint64_t first =
-      (static_cast<uint64_t>(row) * static_cast<uint32_t>(level.width) + static_cast<uint32_t>(column)) * n;
+  uint32_t raw[4] = {};
+  read_texel(image, level, data, column, row, raw);
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
   float c[4] = {0, 0, 0, 1};
-  if (image.format == TexelFormat::U8) {
-    const unsigned char* p = data.texels + level.offset + first;
-    for (uint32_t i = 0; i < 4; ++i) {
-      if (i >= n) break;
-      c[i] = (image.srgb && i != alpha) ? data.srgb_table[p[i]] : static_cast<float>(p[i]) * (1.0f / 255.0f);
+  for (uint32_t i = 0; i < 4; ++i) {
+    if (i >= n) break;
+    const bool srgb = image.srgb && i != alpha;
+    if (image.format == TexelFormat::U8) {
+      c[i] = srgb ? data.srgb_table[raw[i]] : static_cast<float>(raw[i]) * (1.0f / 255.0f);
+      continue;
     }
-  } else {
-    const uint16_t* u = reinterpret_cast<const uint16_t*>(data.texels + level.offset) + first;
-    const float* f = reinterpret_cast<const float*>(data.texels + level.offset) + first;
-    for (uint32_t i = 0; i < 4; ++i) {
-      if (i >= n) break;
-      const float x = image.format == TexelFormat::U16   ? static_cast<float>(u[i]) * (1.0f / 65535.0f)
-                      : image.format == TexelFormat::F16 ? half_to_float(u[i])
-                                                         : f[i];
-      c[i] = (image.srgb && i != alpha) ? srgb_to_linear(x) : x;
-    }
+    const float x = image.format == TexelFormat::U16   ? static_cast<float>(raw[i]) * (1.0f / 65535.0f)
+                    : image.format == TexelFormat::F16 ? half_to_float(static_cast<uint16_t>(raw[i]))
+                                                       : __builtin_bit_cast(float, raw[i]);
+    c[i] = srgb ? srgb_to_linear(x) : x;
   }
   if (n == 1) return {c[0], c[0], c[0], 1};
   if (n == 2) return {c[0], c[0], c[0], c[1]};
-  return {c[0], c[1], c[2], n == 4 ? c[3] : 1.0f};
+  return {c[0], c[1], c[2], c[3]};
 }
 
 // A coordinate brought into [0, 1] by the wrap mode; what is not a number becomes 0.

@@ -44,6 +44,7 @@ struct Image {
   uint32_t levels = 1;                      // mip maps that follow, itself counted
   float uv[2][3] = {{1, 0, 0}, {0, 1, 0}};  // affine map from mesh uv to image uv
   uint32_t second_uv = 0;                   // ... or from the second uv
+  uint32_t first_level = 0;                 // its first one among the levels of all images' texels
 };
 
 // A parameter's value: `value` times the texture (if any) times the vertex colour (if asked for). 16 bytes.
@@ -75,7 +76,8 @@ struct TextureData {
   Span<TextureRecord> textures;
   Span<Slot> slots;
   Span<Image> images;
-  const unsigned char* texels = nullptr;
+  const unsigned char* texels = nullptr;  // null on CUDA, which has texture objects instead, one a level
+  const unsigned long long* objects = nullptr;
   uint32_t has_mips = 0;              // some image has mip maps: footprints are of use
   const float* srgb_table = nullptr;  // 256 entries: 8-bit sRGB to linear
 };
