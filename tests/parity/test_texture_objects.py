@@ -82,7 +82,7 @@ def test_pictures_that_share_texels_and_tiles(tmp_path: Path) -> None:
     ways: list[dict[str, Any]] = [{}, {"filter": "nearest"}, {"wrap_u": "clamp"}, {"uv_scale": (3, 3)}]
     pictures = [dl.textures.image(shared, **way) for way in ways]
     pictures += [dl.textures.image(texels(np.uint8, 3, (9, 9), 2)), dl.textures.image(shared, color_space="linear")]
-    tiles = [texels(np.uint8, 3, shape, shape[0]) for shape in ((16, 16), (80, 90), (4, 4))]
+    tiles = [texels(np.uint8, 3, shape, shape[0]) for shape in ((16, 16), (80, 80), (4, 4))]
     s = wall([*pictures, *pictures[:2]], "emission")
     for number, tile in zip((1001, 1002, 1011), tiles, strict=True):
         write_image(tmp_path / f"tile.{number}.png", tile)
