@@ -89,7 +89,8 @@ void append_mip_maps(Image* image, const float* srgb_table, std::vector<unsigned
           for (int j = 0; j < rows[y].count; ++j) {
             for (int k = 0; k < columns[x].count; ++k) {
               const float w = rows[y].weights[j] * columns[x].weights[k];
-              const Vec4 c = fetch_texel(*image, from, data, columns[x].first + k, rows[y].first + j);
+              const RawTexel raw = read_texel(*image, from, data, columns[x].first + k, rows[y].first + j);
+              const Vec4 c = decode_texel(*image, raw, data);
               sum = {sum.x + w * c.x, sum.y + w * c.y, sum.z + w * c.z, sum.w + w * c.w};
             }
           }

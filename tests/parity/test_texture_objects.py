@@ -47,8 +47,7 @@ def rendered(scene: dl.Scene, device: str, **settings: Any) -> NDArray[np.float6
 def assert_same(scene: dl.Scene, **settings: Any) -> None:
     a, b = (rendered(scene, device, **settings) for device in DEVICES)
     assert a.std() > 0.05
-    assert np.quantile(np.abs(a - b), 0.99) < 2e-6
-    assert np.abs(a - b).max() < 0.1  # a ray on the edge of a texel or of a square
+    assert np.mean(np.abs(a - b) > 2e-6) < 0.01  # rays on the edge of a square, or of a texel without filter
 
 
 @pytest.mark.cuda
@@ -129,5 +128,5 @@ def test_texels_take_no_more_memory_than_on_the_host() -> None:
 @pytest.mark.cuda
 def test_too_wide_for_the_device() -> None:
     wide = dl.textures.image(np.zeros((1, 140_000), np.uint8), filter="nearest")
-    with pytest.raises(RuntimeError, match=r"140000 x 1 texels: .* at most.*--device cpu"):
+    with pytest.raises(RuntimeError, match=r"140000 x 1 texels: .* at most, these need 1 rows.*--device cpu"):
         rendered(wall([wide] * 4, "emission"), "cuda:0")
