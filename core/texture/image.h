@@ -22,15 +22,6 @@ DST_FN float wrap_coordinate(float x, WrapMode mode) {
   return saturate(x);
 }
 
-// A texel index at most one step outside [0, size): around the seam when repeating, else the edge texel again (which is
-// also what mirroring gives).
-DST_FN int wrap_texel(int i, int size, WrapMode mode) {
-  const bool repeat = mode == WrapMode::Repeat;
-  if (i < 0) return repeat ? size - 1 : 0;
-  if (i >= size) return repeat ? 0 : size - 1;
-  return i;
-}
-
 // Linear RGBA of one level at (u, v) in [0, 1]. One copy, for all that looks images up.
 DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const TextureData& data, float u, float v) {
   const float x = u * static_cast<float>(level.width), y = (1.0f - v) * static_cast<float>(level.height);
@@ -40,16 +31,12 @@ DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const Textu
   }
   const float left = floorf(x - 0.5f), top = floorf(y - 0.5f);
   const float tx = x - 0.5f - left, ty = y - 0.5f - top;
-  const int column = static_cast<int>(left), row = static_cast<int>(top);
-  RawTexel four[4];
-  const bool together = read_four(image, level, data, column, row, four);
+  FourTexels four{image, level, data, static_cast<int>(left), static_cast<int>(top)};
+  four.fetch();
   Vec4 sum{0, 0, 0, 0};
   for (int tap = 0; tap < 4; ++tap) {
-    if (!together)
-      four[tap] = read_texel(image, level, data, wrap_texel(column + (tap & 1), level.width, image.wrap_u),
-                             wrap_texel(row + (tap >> 1), level.height, image.wrap_v));
     const float w = ((tap & 1) ? tx : 1.0f - tx) * ((tap >> 1) ? ty : 1.0f - ty);
-    const Vec4 c = decode_texel(image, four[tap], data);
+    const Vec4 c = decode_texel(image, four.next(tap), data);
     sum = {sum.x + w * c.x, sum.y + w * c.y, sum.z + w * c.z, sum.w + w * c.w};
   }
   return sum;

@@ -41,6 +41,7 @@ DST_FN Vec4 decode_texel(const Image& image, const RawTexel& raw, const TextureD
   const uint32_t n = image.channels;
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
   float c[4] = {0, 0, 0, 1};
+#pragma unroll
   for (uint32_t i = 0; i < 4; ++i) {
     if (i >= n) break;
     const uint32_t v = raw.channels[i];

@@ -47,7 +47,7 @@ def rendered(scene: dl.Scene, device: str, **settings: Any) -> NDArray[np.float6
 def assert_same(scene: dl.Scene, **settings: Any) -> None:
     a, b = (rendered(scene, device, **settings) for device in DEVICES)
     assert a.std() > 0.05
-    assert np.mean(np.abs(a - b) > 2e-6) < 0.01  # rays on the edge of a square, or of a texel without filter
+    assert np.mean(np.abs(a - b) > 2e-6) < 0.02  # rays on the edge of a square, or of a texel without filter
 
 
 @pytest.mark.cuda
