@@ -22,24 +22,30 @@ DST_FN float wrap_coordinate(float x, WrapMode mode) {
   return saturate(x);
 }
 
-// Linear RGBA of one level at (u, v) in [0, 1]. One copy, for all that looks images up.
-DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const TextureData& data, float u, float v) {
+// Linear RGBA of one level at (u, v) in [0, 1]. kBytes: the format is U8.
+template <bool kBytes>
+DST_FN Vec4 sample_texels(const Image& image, const ImageLevel& level, const TextureData& data, float u, float v) {
   const float x = u * static_cast<float>(level.width), y = (1.0f - v) * static_cast<float>(level.height);
   if (!image.bilinear) {
     const int column = min(static_cast<int>(x), level.width - 1), row = min(static_cast<int>(y), level.height - 1);
-    return decode_texel(image, read_texel(image, level, data, column, row), data);
+    return decode_texel<kBytes>(image, read_texel<kBytes>(image, level, data, column, row), data);
   }
   const float left = floorf(x - 0.5f), top = floorf(y - 0.5f);
   const float tx = x - 0.5f - left, ty = y - 0.5f - top;
-  FourTexels four{image, level, data, static_cast<int>(left), static_cast<int>(top)};
-  four.fetch();
+  FourTexels four(image, level, data, static_cast<int>(left), static_cast<int>(top));
   Vec4 sum{0, 0, 0, 0};
+#pragma unroll(kBytes ? 4 : 1)
   for (int tap = 0; tap < 4; ++tap) {
     const float w = ((tap & 1) ? tx : 1.0f - tx) * ((tap >> 1) ? ty : 1.0f - ty);
-    const Vec4 c = decode_texel(image, four.next(tap), data);
+    const Vec4 c = decode_texel<kBytes>(image, four.template next<kBytes>(), data);
     sum = {sum.x + w * c.x, sum.y + w * c.y, sum.z + w * c.z, sum.w + w * c.w};
   }
   return sum;
+}
+// One copy, for all that looks images up.
+DST_NOINLINE Vec4 sample_level(const Image& image, ImageLevel level, const TextureData& data, float u, float v) {
+  if (image.format == TexelFormat::U8) return sample_texels<true>(image, level, data, u, v);
+  return sample_texels<false>(image, level, data, u, v);
 }
 
 // How many texels lie in a unit square of mesh uv.

@@ -43,6 +43,11 @@ std::vector<Cover> covers(int size, int smaller) {
   return all;
 }
 
+Vec4 fetch_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
+  if (image.format == TexelFormat::U8)
+    return decode_texel<true>(image, read_texel<true>(image, level, data, column, row), data);
+  return decode_texel<false>(image, read_texel<false>(image, level, data, column, row), data);
+}
 void write_texel(const Image& image, unsigned char* to, Vec4 value) {
   const uint32_t n = image.channels, alpha = (n & 1) ? 4u : n - 1;
   const float c[4] = {value.x, n == 2 ? value.w : value.y, value.z, value.w};
@@ -89,8 +94,7 @@ void append_mip_maps(Image* image, const float* srgb_table, std::vector<unsigned
           for (int j = 0; j < rows[y].count; ++j) {
             for (int k = 0; k < columns[x].count; ++k) {
               const float w = rows[y].weights[j] * columns[x].weights[k];
-              const RawTexel raw = read_texel(*image, from, data, columns[x].first + k, rows[y].first + j);
-              const Vec4 c = decode_texel(*image, raw, data);
+              const Vec4 c = fetch_texel(*image, from, data, columns[x].first + k, rows[y].first + j);
               sum = {sum.x + w * c.x, sum.y + w * c.y, sum.z + w * c.z, sum.w + w * c.w};
             }
           }

@@ -36,28 +36,36 @@ struct RawTexel {
   uint32_t channels[4] = {};
 };
 
-// One texel as linear RGBA. One channel is a grey, two are grey and alpha; what is missing of alpha is 1.
+// Of a channel that has more than 8 bits.
+DST_FN float decode_wide(TexelFormat format, uint32_t stored) {
+  if (format == TexelFormat::U16) return static_cast<float>(stored) * (1.0f / 65535.0f);
+  return format == TexelFormat::F16 ? half_to_float(static_cast<uint16_t>(stored)) : __builtin_bit_cast(float, stored);
+}
+DST_NOINLINE Vec3 srgb_texel_to_linear(Vec3 c) {
+  return {srgb_to_linear(c.x), srgb_to_linear(c.y), srgb_to_linear(c.z)};
+}
+
+// One texel as linear RGBA. One channel is a grey, two are grey and alpha; what is missing of alpha is 1. kBytes: the format
+// is U8.
+template <bool kBytes>
 DST_FN Vec4 decode_texel(const Image& image, const RawTexel& raw, const TextureData& data) {
   const uint32_t n = image.channels;
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
-  float c[4] = {0, 0, 0, 1};
+  float c[4];
 #pragma unroll
   for (uint32_t i = 0; i < 4; ++i) {
-    if (i >= n) break;
     const uint32_t v = raw.channels[i];
-    const bool srgb = image.srgb && i != alpha;
-    if (image.format == TexelFormat::U8) {
-      c[i] = srgb ? data.srgb_table[v] : static_cast<float>(v) * (1.0f / 255.0f);
-      continue;
-    }
-    const float x = image.format == TexelFormat::U16   ? static_cast<float>(v) * (1.0f / 65535.0f)
-                    : image.format == TexelFormat::F16 ? half_to_float(static_cast<uint16_t>(v))
-                                                       : __builtin_bit_cast(float, v);
-    c[i] = srgb ? srgb_to_linear(x) : x;
+    if (kBytes)
+      c[i] = image.srgb && i != alpha ? data.srgb_table[v] : static_cast<float>(v) * (1.0f / 255.0f);
+    else
+      c[i] = decode_wide(image.format, v);
   }
-  if (n == 1) return {c[0], c[0], c[0], 1};
-  if (n == 2) return {c[0], c[0], c[0], c[1]};
-  return {c[0], c[1], c[2], c[3]};
+  if (n <= 2) c[3] = c[1], c[1] = c[2] = c[0];
+  if (!kBytes && image.srgb) {
+    const Vec3 linear = srgb_texel_to_linear({c[0], c[1], c[2]});
+    c[0] = linear.x, c[1] = linear.y, c[2] = linear.z;
+  }
+  return {c[0], c[1], c[2], alpha < 4 ? c[3] : 1.0f};
 }
 
 }  // namespace destello

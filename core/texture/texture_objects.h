@@ -12,8 +12,11 @@ namespace destello {
 struct TexelPlanes {
   uint32_t channels, count;  // channels an element; planes
   DST_HD static TexelPlanes of(const Image& image) {
-    const uint32_t n = image.channels, each = n == 3 ? 1u : min(4 / texel_bytes(image.format), n);
-    return {each, n / each};
+    const uint32_t n = image.channels, fit = image.format == TexelFormat::U8    ? 4
+                                             : image.format == TexelFormat::F32 ? 1
+                                                                                : 2;
+    const uint32_t each = n == 3 ? 1 : min(fit, n);
+    return {each, each == 1 ? n : each == 2 ? n / 2 : 1};
   }
 };
 // Columns, and rows, of a texture whose texels can be read four at a time.
@@ -29,22 +32,28 @@ DST_FN int wrap_texel(int i, int size, WrapMode mode) {
 }
 
 #ifdef __CUDA_ARCH__
-// An element of each plane.
+// An element of each plane; bytes of three channels are packed as those of four are.
 struct TexelElements {
   uint32_t planes[4];
+
+  template <bool kBytes>
   DST_HD RawTexel unpack(const Image& image) const {
-    const uint32_t each = TexelPlanes::of(image).channels, bits = 8 * texel_bytes(image.format);
     RawTexel raw;
+    const uint32_t each = TexelPlanes::of(image).channels;
 #pragma unroll
     for (uint32_t i = 0; i < 4; ++i) {
-      const uint32_t packed = each == 2 ? planes[i / 2] : planes[0];
-      raw.channels[i] = each == 1 ? planes[i] : (packed >> ((i & (each - 1)) * bits)) & ((1u << bits) - 1);
+      if (kBytes)
+        raw.channels[i] = (planes[0] >> (8 * i)) & 0xff;
+      else
+        raw.channels[i] = each == 1 ? planes[i] : (planes[i / 2] >> (16 * (i & 1))) & 0xffff;
     }
     return raw;
   }
 };
+DST_FN bool in_three_bytes(const Image& image) { return image.channels == 3 && image.format == TexelFormat::U8; }
 
-DST_FN RawTexel read_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
+DST_FN TexelElements read_elements(const Image& image, const ImageLevel& level, const TextureData& data, int column,
+                                   int row) {
   const cudaTextureObject_t object = data.objects[level.object];
   const uint32_t count = TexelPlanes::of(image).count;
   TexelElements e{};
@@ -54,9 +63,69 @@ DST_FN RawTexel read_texel(const Image& image, const ImageLevel& level, const Te
     if (k < count)
       e.planes[k] = tex2D<uint32_t>(object, static_cast<float>(column) + 0.5f, static_cast<float>(y) + 0.5f);
   }
-  return e.unpack(image);
+  if (in_three_bytes(image)) e.planes[0] |= e.planes[1] << 8 | e.planes[2] << 16;
+  return e;
 }
+template <bool kBytes>
+DST_FN RawTexel read_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
+  return read_elements(image, level, data, column, row).unpack<kBytes>(image);
+}
+
+// A texel, the one to its right and the two below these, one after the other; none lies more than one step outside.
+class FourTexels {
+ public:
+  DST_HD FourTexels(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row)
+      : image_(image) {
+    const int count = static_cast<int>(TexelPlanes::of(image).count);
+    const bool together = column >= 0 && row >= 0 && column + 1 < level.width && row + 1 < level.height &&
+                          level.width <= kMostGathered && count * level.height <= kMostGathered;
+    if (together)
+      gather(level, data, column, row, count);
+    else
+      collect(level, data, column, row);
+  }
+  template <bool kBytes>
+  DST_HD RawTexel next() {
+    return push({}).unpack<kBytes>(image_);
+  }
+
+ private:
+  DST_HD void gather(const ImageLevel& level, const TextureData& data, int column, int row, int count) {
+    const cudaTextureObject_t object = data.objects[level.object];
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      if (k >= count) continue;
+      const float y = static_cast<float>(k * level.height + row + 1);
+      const uint4 g = tex2Dgather<uint4>(object, static_cast<float>(column + 1), y, 0);
+      planes_[k] = {g.w, g.z, g.x, g.y};
+    }
+    if (!in_three_bytes(image_)) return;
+    const uint4 g = planes_[1], b = planes_[2];
+    planes_[0].x |= g.x << 8 | b.x << 16, planes_[0].y |= g.y << 8 | b.y << 16;
+    planes_[0].z |= g.z << 8 | b.z << 16, planes_[0].w |= g.w << 8 | b.w << 16;
+  }
+  DST_HD void collect(const ImageLevel& level, const TextureData& data, int column, int row) {
+#pragma unroll 1
+    for (int tap = 0; tap < 4; ++tap)
+      push(read_elements(image_, level, data, wrap_texel(column + (tap & 1), level.width, image_.wrap_u),
+                         wrap_texel(row + (tap >> 1), level.height, image_.wrap_v)));
+  }
+  // Out goes the first.
+  DST_HD TexelElements push(TexelElements last) {
+    TexelElements first;
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      first.planes[k] = planes_[k].x;
+      planes_[k] = {planes_[k].y, planes_[k].z, planes_[k].w, last.planes[k]};
+    }
+    return first;
+  }
+
+  const Image& image_;
+  uint4 planes_[4] = {};
+};
 #else
+template <bool kBytes>
 DST_FN RawTexel read_texel(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row) {
   const uint32_t n = image.channels;
   const uint64_t first =
@@ -65,55 +134,31 @@ DST_FN RawTexel read_texel(const Image& image, const ImageLevel& level, const Te
   RawTexel raw;
   for (uint32_t i = 0; i < 4; ++i) {
     if (i >= n) break;
-    raw.channels[i] = image.format == TexelFormat::U8    ? p[i]
+    raw.channels[i] = kBytes                             ? p[i]
                       : image.format == TexelFormat::F32 ? reinterpret_cast<const uint32_t*>(p)[i]
                                                          : reinterpret_cast<const uint16_t*>(p)[i];
   }
   return raw;
 }
-#endif
 
-// A texel, the one to its right and the two below these, one after the other.
-struct FourTexels {
-  const Image& image;
-  const ImageLevel& level;
-  const TextureData& data;
-  int column, row;  // of the first; none lies more than one step outside
-#ifdef __CUDA_ARCH__
-  bool together = false;
-  uint4 planes[4] = {};
-
-  DST_HD void fetch() {
-    const int count = static_cast<int>(TexelPlanes::of(image).count);
-    together = column >= 0 && row >= 0 && column + 1 < level.width && row + 1 < level.height &&
-               level.width <= kMostGathered && count * level.height <= kMostGathered;
-    if (!together) return;
-    const cudaTextureObject_t object = data.objects[level.object];
-#pragma unroll
-    for (int k = 0; k < 4; ++k) {
-      if (k >= count) continue;
-      const float y = static_cast<float>(k * level.height + row + 1);
-      const uint4 g = tex2Dgather<uint4>(object, static_cast<float>(column + 1), y, 0);
-      planes[k] = {g.w, g.z, g.x, g.y};
-    }
+class FourTexels {
+ public:
+  FourTexels(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row)
+      : image_(image), level_(level), data_(data), column_(column), row_(row) {}
+  template <bool kBytes>
+  RawTexel next() {
+    const int column = column_ + (tap_ & 1), row = row_ + (tap_ >> 1);
+    ++tap_;
+    return read_texel<kBytes>(image_, level_, data_, wrap_texel(column, level_.width, image_.wrap_u),
+                              wrap_texel(row, level_.height, image_.wrap_v));
   }
-  DST_HD RawTexel next(int tap) {
-    if (!together) return apart(tap);
-    const TexelElements e{{planes[0].x, planes[1].x, planes[2].x, planes[3].x}};
-#pragma unroll
-    for (int k = 0; k < 4; ++k) planes[k] = {planes[k].y, planes[k].z, planes[k].w, 0};
-    return e.unpack(image);
-  }
-#else
-  DST_HD void fetch() {}
-  DST_HD RawTexel next(int tap) const { return apart(tap); }
-#endif
 
  private:
-  DST_HD RawTexel apart(int tap) const {
-    return read_texel(image, level, data, wrap_texel(column + (tap & 1), level.width, image.wrap_u),
-                      wrap_texel(row + (tap >> 1), level.height, image.wrap_v));
-  }
+  const Image& image_;
+  const ImageLevel& level_;
+  const TextureData& data_;
+  int column_, row_, tap_ = 0;
 };
+#endif
 
 }  // namespace destello
