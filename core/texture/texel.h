@@ -51,14 +51,17 @@ template <bool kBytes>
 DST_FN Vec4 decode_texel(const Image& image, const RawTexel& raw, const TextureData& data) {
   const uint32_t n = image.channels;
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
-  float c[4];
+  float c[4] = {};
 #pragma unroll
   for (uint32_t i = 0; i < 4; ++i) {
     const uint32_t v = raw.channels[i];
-    if (kBytes)
-      c[i] = image.srgb && i != alpha ? data.srgb_table[v] : static_cast<float>(v) * (1.0f / 255.0f);
-    else
+    if (i >= n) continue;
+    if (!kBytes)
       c[i] = decode_wide(image.format, v);
+    else if (image.srgb && i != alpha)
+      c[i] = data.srgb_table[v];
+    else
+      c[i] = static_cast<float>(v) * (1.0f / 255.0f);
   }
   if (n <= 2) c[3] = c[1], c[1] = c[2] = c[0];
   if (!kBytes && image.srgb) {
