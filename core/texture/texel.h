@@ -52,7 +52,7 @@ DST_FN Vec4 decode_texel(const Image& image, const RawTexel& raw, const TextureD
   const uint32_t n = image.channels;
   const uint32_t alpha = (n & 1) ? 4u : n - 1;  // its channel; 4: none
   float c[4] = {};
-#pragma unroll
+  DST_UNROLL
   for (uint32_t i = 0; i < 4; ++i) {
     const uint32_t v = raw.channels[i];
     if (i >= n) continue;

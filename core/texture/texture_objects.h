@@ -31,7 +31,7 @@ DST_FN int wrap_texel(int i, int size, WrapMode mode) {
   return i;
 }
 
-#ifdef __CUDA_ARCH__
+#if DST_ON_DEVICE
 // An element of each plane; bytes of three channels are packed as those of four are.
 struct TexelElements {
   uint32_t planes[4];
@@ -40,7 +40,7 @@ struct TexelElements {
   DST_HD RawTexel unpack(const Image& image) const {
     RawTexel raw;
     const uint32_t each = TexelPlanes::of(image).channels;
-#pragma unroll
+    DST_UNROLL
     for (uint32_t i = 0; i < 4; ++i) {
       if (kBytes)
         raw.channels[i] = (planes[0] >> (8 * i)) & 0xff;
@@ -57,7 +57,7 @@ DST_FN TexelElements read_elements(const Image& image, const ImageLevel& level, 
   const cudaTextureObject_t object = data.objects[level.object];
   const uint32_t count = TexelPlanes::of(image).count;
   TexelElements e{};
-#pragma unroll
+  DST_UNROLL
   for (uint32_t k = 0; k < 4; ++k) {
     const int y = static_cast<int>(k) * level.height + row;
     if (k < count)
@@ -92,7 +92,7 @@ class FourTexels {
  private:
   DST_HD void gather(const ImageLevel& level, const TextureData& data, int column, int row, int count) {
     const cudaTextureObject_t object = data.objects[level.object];
-#pragma unroll
+    DST_UNROLL
     for (int k = 0; k < 4; ++k) {
       if (k >= count) continue;
       const float y = static_cast<float>(k * level.height + row + 1);
@@ -113,7 +113,7 @@ class FourTexels {
   // Out goes the first.
   DST_HD TexelElements push(TexelElements last) {
     TexelElements first;
-#pragma unroll
+    DST_UNROLL
     for (int k = 0; k < 4; ++k) {
       first.planes[k] = planes_[k].x;
       planes_[k] = {planes_[k].y, planes_[k].z, planes_[k].w, last.planes[k]};
