@@ -19,7 +19,7 @@ using testing::Rows;
 
 nb::tuple vec(Vec3 v) { return nb::make_tuple(v.x, v.y, v.z); }
 
-void register_homogeneous(nb::module_& m) {
+void register_packed(nb::module_& m) {
   m.def(
       "packed_medium",
       [](Rows scattering, Rows absorption, float g, uint32_t seed) {
@@ -36,6 +36,9 @@ void register_homogeneous(nb::module_& m) {
       },
       nb::arg("scattering"), nb::arg("absorption"), nb::arg("g"), nb::arg("seed"),
       "What is left of media in 48 bits: scattering and absorption (N, 3) and anisotropy, (N, 7).");
+}
+
+void register_homogeneous(nb::module_& m) {
   m.def(
       "phase_pdf",
       [](float g, Rows wo, Rows wi) {

@@ -185,7 +185,7 @@ class SceneBuilder {
   float bump_step(const Slot& slot) const;
   uint32_t uv_sets(const std::vector<Slot>& slots) const;  // see ReadUvSets
   uint32_t slot_flags(uint32_t first, size_t count) const;
-  uint32_t uv_flags(const std::vector<Slot>& slots, const std::vector<Slot>& surface) const;
+  uint32_t uv_flags(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface) const;
   void add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material);
   void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);
   void resolve_mixes();

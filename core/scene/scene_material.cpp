@@ -21,7 +21,7 @@ uint32_t SceneBuilder::slot_flags(uint32_t first, size_t count) const {
 }
 
 // Which of a material's maps read the second uv.
-uint32_t SceneBuilder::uv_flags(const std::vector<Slot>& slots, const std::vector<Slot>& surface) const {
+uint32_t SceneBuilder::uv_flags(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface) const {
   uint32_t flags = 0;
   const auto add = [&](uint32_t sets, uint32_t wanted, MaterialFlag flag) {
     if ((sets & wanted) == wanted) flags |= flag;
@@ -32,6 +32,9 @@ uint32_t SceneBuilder::uv_flags(const std::vector<Slot>& slots, const std::vecto
   add(sets("bump"), kFirstUv | kSecondUv, kBumpByBothUvs);
   add(sets("normal_map"), kSecondUv, kNormalBySecondUv);
   add(sets("tangent_map"), kSecondUv, kTangentBySecondUv);
+  if (type == index_of<OpenPbr>(Materials{}))
+    add(uv_sets({openpbr_slot(slots, "geometry_coat_normal"), openpbr_slot(slots, "geometry_coat_tangent")}), kSecondUv,
+        kCoatBySecondUv);
   return flags;
 }
 
@@ -93,11 +96,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
     m.flags |= kHasDetail | kNeedsUv;
   if (dispatch(Materials{}, type, HasDirection{slots.data()})) m.flags |= kNeedsUv;
   if (!bump.is_constant()) m.bump_step = bump_step(bump);
-  m.flags |= uv_flags(slots, surface);
-  if (type == index_of<OpenPbr>(Materials{}) &&
-      (uv_sets({openpbr_slot(slots, "geometry_coat_normal"), openpbr_slot(slots, "geometry_coat_tangent")}) &
-       kSecondUv))
-    m.flags |= kCoatBySecondUv;
+  m.flags |= uv_flags(type, slots, surface);
   if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {
     check_material(mix_first);
