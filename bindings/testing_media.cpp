@@ -92,6 +92,9 @@ void register_homogeneous(nb::module_& m) {
 
 }  // namespace
 
-void register_testing_media(nb::module_& m) { register_homogeneous(m); }
+void register_testing_media(nb::module_& m) {
+  register_packed(m);
+  register_homogeneous(m);
+}
 
 }  // namespace destello
