@@ -84,28 +84,32 @@ inline void find_textures_inside(const std::vector<Slot>& slots, const OpenPbr& 
   if (more) in->color_slot = kNoIndex;
 }
 
-// The material of `m` with the means of what makes its medium.
+// The material with the means of its textures. `mean`: of a slot's values (the flag: see eval_slot).
 template <class Mean, size_t... I>
-OpenPbr openpbr_means(OpenPbr m, const std::vector<Slot>& slots, const Mean& mean, std::index_sequence<I...>) {
-  const auto put = [&]<size_t i>() {
-    constexpr auto param = OpenPbr::params[i];
-    if constexpr (openpbr::makes_medium(param.name))
-      set_param<OpenPbr, i>(m, mean(slots[i], param.kind == ParamKind::Scalar));
-  };
-  (put.template operator()<I>(), ...);
+OpenPbr openpbr_means(const std::vector<Slot>& slots, const Mean& mean, std::index_sequence<I...>) {
+  OpenPbr m;
+  (set_param<OpenPbr, I>(m, mean(slots[I], OpenPbr::params[I].kind == ParamKind::Scalar)), ...);
   return m;
 }
 
-// True, and the interior's index and medium, if the material has an inside. `mean`: of a slot's values (the flag: see eval_slot).
+// Whether there is an inside anywhere: metal and transmission may be less than their greatest values there.
+inline bool may_have_inside(const std::vector<Slot>& slots, OpenPbr m) {
+  if (!openpbr_slot(slots, "base_metalness").is_constant()) m.base_metalness = 0;
+  if (m.has_inside()) return true;
+  if (!openpbr_slot(slots, "transmission_weight").is_constant()) m.transmission_weight = 0;
+  return m.has_inside();
+}
+
+// True, and the interior's index and medium, if the material has an inside. `mean`: see openpbr_means.
 template <class Mean>
 bool openpbr_interior(const std::vector<Slot>& slots, const Mean& mean, Interior* interior) {
   const OpenPbr m = openpbr_constants(slots);
-  if (!m.has_inside()) return false;
+  if (!may_have_inside(slots, m)) return false;
   interior->ior = m.specular_ior;
   Interior own = *interior;
-  own.recipe = openpbr::medium_recipe(m, openpbr::held_inside(m));
+  const OpenPbr means = openpbr_means(slots, mean, std::make_index_sequence<OpenPbr::params.size()>{});
+  own.recipe = openpbr::medium_recipe(m, openpbr::held_inside(means));
   find_textures_inside(slots, m, &own);
-  const OpenPbr means = openpbr_means(m, slots, mean, std::make_index_sequence<OpenPbr::params.size()>{});
   own.medium = Interior::medium_of(openpbr::medium_recipe(means, own.recipe.held));
   if (own.is_vacuum()) return true;
   if (!interior->medium.is_vacuum())

@@ -167,6 +167,21 @@ def test_weights_share_out_the_medium_where_paths_enter(device: str) -> None:
     assert found[1].max() < 0.6
 
 
+def test_textured_weights_and_metalness_are_as_constant_ones(device: str) -> None:
+    """What the boundary holds back, and that there is an inside at all, goes by what the textures are."""
+    fixed: dict[str, Any] = {"subsurface_color": 0.5, "subsurface_radius": 0.1, "subsurface_radius_scale": 1.0}
+    words: dict[str, Any] = {"transmission_weight": 0.3, "subsurface_weight": 0.7, "base_metalness": 0.1}
+    found = []
+    for values in (words, {name: even(value) for name, value in words.items()}):
+        s = looking_down(slab(dl.materials.openpbr(**fixed | values)))
+        found.append(estimate(s, device, spp=2048, size=(8, 8)))
+    one, other = (e.total for e in found)
+    assert abs(one[0] - other[0]) < 0.002 * one[0] + z_threshold(1) * np.sqrt(one[1] + other[1])
+    clear = {**CLEAR, "transmission_color": LEFT, "transmission_depth": 0.5}
+    s = looking_down(slab(dl.materials.openpbr(**clear, base_metalness=even(0.0))))
+    np.testing.assert_allclose(columns(s, device), np.tile(np.array(LEFT) ** 2, (8, 1)), rtol=2e-4)
+
+
 def test_shadow_rays_inside_have_the_medium_too(device: str) -> None:
     """A matt floor and a lamp, both in the glass; only light sampling finds the lamp."""
     depth, lamp = 0.8, 0.5

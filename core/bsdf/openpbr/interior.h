@@ -44,7 +44,8 @@ DST_FN MediumRecipe medium_recipe(const OpenPbr& m, float held) {
 
 // What the boundary holds back of light from inside (MediumRecipe::held). Host only.
 inline float held_inside(OpenPbr surface) {
-  surface.coat_weight = 0;
+  surface.base_metalness = surface.transmission_weight = surface.coat_weight = 0;
+  surface.subsurface_weight = 1;
   surface.prepare({false, 1.0f, 0.0f});
   return average(surface.layers.base.held);
 }
