@@ -39,8 +39,8 @@ def seen_cosine(cosine: Floats, alpha: Floats) -> Floats:
 
 
 def steady(means: Floats, roughnesses: Floats) -> Floats:
-    """Return mean losses (N, ...) over what they go by, roughness^3.5: that can be interpolated down to none."""
-    scaled = means / np.maximum(roughnesses, 1e-9).reshape(-1, *[1] * (means.ndim - 1)) ** 3.5
+    """Return mean losses (N, ...) over roughness^1.5: small ones keep their digits."""
+    scaled = means / np.maximum(roughnesses, 1e-9).reshape(-1, *[1] * (means.ndim - 1)) ** 1.5
     none = roughnesses == 0
     scaled[none] = scaled[np.count_nonzero(none) : 2 * np.count_nonzero(none)]
     return scaled

@@ -22,7 +22,7 @@ SIZES, STRETCHED = (32, 24), (18, 12, 7, 12)  # place, roughness; place, turn, s
 BELOW, ABOVE = 49, 33  # nodes of the curves of ratios below and above 1
 BELOW_CURVES, ABOVE_CURVES = 16, 8
 MEAN_STEPS, STRETCHED_MEAN_STEPS = 65, 33  # of the means: by the signed root of s = (eta - 1) / (eta + 1)
-MEAN_ROUGHNESSES, STRETCHED_MEAN_ROUGHNESSES = 2 * SIZES[1] - 1, 2 * STRETCHED[3] - 1
+MEAN_ROUGHNESSES, STRETCHED_MEAN_ROUGHNESSES = 61, 45  # by the root of roughness
 MEAN_STRETCHES = 2 * STRETCHED[2] - 1
 LEAST_ASPECT = 0.02
 FINE, COARSE = lattice(23), lattice(20)  # points of quadrature for isotropic and anisotropic facets
@@ -211,7 +211,7 @@ def isotropic_means(sums: Sums) -> Floats:
     x = (np.arange(2000) + 0.5) / 2000
     w = np.stack([np.sqrt(1 - x**4), x * 0, x * x])
     out = []
-    for r in np.linspace(0, 1, MEAN_ROUGHNESSES):
+    for r in np.linspace(0, 1, MEAN_ROUGHNESSES) ** 2:
         at = sums.at((place(x, np.float64(r * r)), np.full_like(x, r)))
         out.append(mean_losses(sums, at, w, (r * r, r * r), MEAN_STEPS))
     return np.array(out)
@@ -223,7 +223,9 @@ def anisotropic_means(sums: Sums) -> Floats:
     sine = np.sqrt(1 - x**4)
     w = np.stack([sine * np.cos(phi), sine * np.sin(phi), x * x])
     out = []
-    for r, s in itertools.product(np.linspace(0, 1, STRETCHED_MEAN_ROUGHNESSES), np.linspace(0, 1, MEAN_STRETCHES)):
+    for r, s in itertools.product(
+        np.linspace(0, 1, STRETCHED_MEAN_ROUGHNESSES) ** 2, np.linspace(0, 1, MEAN_STRETCHES)
+    ):
         ax, ay = axes(np.float64(s), np.float64(max(r, 1e-3)))
         alpha, turn = along(np.cos(phi), ax, ay)
         at = sums.at((place(x, alpha), turn, np.full_like(x, s), np.full_like(x, r)))
@@ -292,12 +294,12 @@ def main() -> None:
     print(packed("stretched_loss_word", doc.format("turn, stretch, "), stretched.weights.transpose(3, 2, 1, 0, 4)))
     print(curves("loss_curve_word", sums, most))
     print(curves("stretched_loss_curve_word", stretched, most))
-    doc = "Means over roughness^3.5, a twelfth, by the signed root of s first."
-    means = steady(isotropic_means(sums), np.linspace(0, 1, MEAN_ROUGHNESSES))
-    print(function("loss_mean_entry", doc, "uint16_t", [f"{round(v * 65535 / 12)}," for v in means.ravel()]))
+    doc = "Means over roughness^1.5, by the signed root of s first; then by the root of roughness."
+    means = steady(isotropic_means(sums), np.linspace(0, 1, MEAN_ROUGHNESSES) ** 2)
+    print(function("loss_mean_entry", doc, "uint16_t", [f"{round(v * 65535)}," for v in means.ravel()]))
     rows = anisotropic_means(stretched)
-    means = steady(rows.reshape(-1, rows.shape[-1]), np.repeat(np.linspace(0, 1, len(rows)), MEAN_STRETCHES))
-    print(function("stretched_loss_mean_entry", doc, "uint16_t", [f"{round(v * 65535 / 12)}," for v in means.ravel()]))
+    means = steady(rows.reshape(-1, rows.shape[-1]), np.repeat(np.linspace(0, 1, len(rows)) ** 2, MEAN_STRETCHES))
+    print(function("stretched_loss_mean_entry", doc, "uint16_t", [f"{round(v * 65535)}," for v in means.ravel()]))
     print("\n}  // namespace destello::openpbr")
 
 

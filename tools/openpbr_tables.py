@@ -32,8 +32,8 @@ MEAN_RATIOS = 65  # of the means: by s = (eta - 1) / (eta + 1)
 # roughness.
 STRETCHED = (18, 9, 8, 13)
 STRETCHED_MEAN_RATIOS = 33
-# Between two nodes of a table the mean of what is looked up bends: means have those between, too.
-MEAN_ROUGHNESSES, MEAN_STRETCHES, STRETCHED_MEAN_ROUGHNESSES = (2 * n - 1 for n in (ROUGHNESSES, *STRETCHED[2:]))
+# Between two nodes of a table the mean of what is looked up bends: means have more nodes, by the root of roughness.
+MEAN_ROUGHNESSES, MEAN_STRETCHES, STRETCHED_MEAN_ROUGHNESSES = 61, 2 * STRETCHED[2] - 1, 45
 FUZZ_COSINES, FUZZ_ROUGHNESSES, LEAST_FUZZ = 48, 24, 0.1
 FINE, COARSE = lattice(23), lattice(21)  # points of quadrature for isotropic and anisotropic facets
 WAVELENGTHS = 16
@@ -122,7 +122,7 @@ def isotropic_means(facets: Floats) -> tuple[Floats, Floats]:
     x = (np.arange(2000) + 0.5) / 2000
     weights = 4 * x**3 / len(x)
     lost, up = [], []
-    rs = grid(MEAN_ROUGHNESSES)
+    rs = grid(MEAN_ROUGHNESSES) ** 2
     for r, f in zip(rs, between(facets, rs), strict=True):
         at = between(f, place(x, r))
         lost.append(at[:, 0] @ weights)
@@ -190,7 +190,7 @@ def stretched_means(facets: Floats) -> tuple[Floats, Floats]:
         return out
 
     lost, up = [], []
-    rs, stretches = grid(STRETCHED_MEAN_ROUGHNESSES), grid(MEAN_STRETCHES)
+    rs, stretches = grid(STRETCHED_MEAN_ROUGHNESSES) ** 2, grid(MEAN_STRETCHES)
     for r, rows in zip(rs, between(facets, rs), strict=True):
         for s, row in zip(stretches * MOST_STRETCH, between(rows, stretches), strict=True):
             c, turn, seen, weights = stretched_directions(s, r)
@@ -300,10 +300,10 @@ def main() -> None:
     print(HEAD, end="")
     print(facet_entries("facet_entry", "Isotropic facets: place, roughness.", facets))
     print(facet_entries("stretched_entry", "Anisotropic facets: place, turn, stretch, roughness.", stretched))
-    rows = grid(MEAN_ROUGHNESSES), np.repeat(grid(STRETCHED_MEAN_ROUGHNESSES), MEAN_STRETCHES)
+    rows = grid(MEAN_ROUGHNESSES) ** 2, np.repeat(grid(STRETCHED_MEAN_ROUGHNESSES) ** 2, MEAN_STRETCHES)
     for prefix, (lost, reflected), r in zip(("", "stretched_"), means, rows, strict=True):
-        doc = "Mean of what perfect facets lose, over roughness^3.5, a twelfth."
-        print(table(f"{prefix}lost_mean_entry", doc, steady(lost, r) / 12))
+        doc = "Mean of what perfect facets lose, over roughness^1.5."
+        print(table(f"{prefix}lost_mean_entry", doc, steady(lost, r)))
         print(table(f"{prefix}reflected_mean_entry", "Mean of what dielectrics reflect, by s first.", reflected))
     doc = "Half and 16 times what rough diffuse bases are to be held back by: by s first."
     print(table("coupling_entry", doc, 0.5 + 16 * coupling_table(facets)))

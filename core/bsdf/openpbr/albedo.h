@@ -109,14 +109,15 @@ DST_FN DST_COLD SeenFacets seen_facets(Vec3 w, Ggx g) {
 
 // --- means over cosine-distributed directions, of the above as it is looked up ---
 
-// Of losses the tables have a twelfth of what is left when this is divided out.
-DST_FN float mean_scale(float roughness) { return 12 * roughness * roughness * roughness * sqrtf(roughness); }
+// Between nodes of roughness the mean of what is looked up bends: these tables have nodes of their own, by its root, and of
+// losses what is left when this is divided out.
+DST_FN float mean_scale(float roughness) { return roughness * sqrtf(roughness); }
 DST_FN DST_COLD float facets_lose_mean(Ggx g) {
   const float r = mean_roughness(g), scale = mean_scale(r);
   if (g.ax == g.ay)
-    return scale *
-           interpolate({Between(r, kMeanRoughnesses)}, {kMeanRoughnesses}, [](int i) { return lost_mean_entry(i); });
-  const Between at[] = {stretch(g, kMeanStretches), {r, kStretchedMeanRoughnesses}};
+    return scale * interpolate({Between(sqrtf(r), kMeanRoughnesses)}, {kMeanRoughnesses},
+                               [](int i) { return lost_mean_entry(i); });
+  const Between at[] = {stretch(g, kMeanStretches), {sqrtf(r), kStretchedMeanRoughnesses}};
   return scale * interpolate(at, {kMeanStretches, kStretchedMeanRoughnesses},
                              [](int i) { return stretched_lost_mean_entry(i); });
 }
@@ -124,10 +125,10 @@ DST_FN DST_COLD float facets_lose_mean(Ggx g) {
 DST_FN DST_COLD float reflected_mean(Ggx g, float eta) {
   const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
   if (g.ax == g.ay) {
-    const Between at[] = {{s, kMeanRatios}, {r, kMeanRoughnesses}};
+    const Between at[] = {{s, kMeanRatios}, {sqrtf(r), kMeanRoughnesses}};
     return interpolate(at, {kMeanRatios, kMeanRoughnesses}, [](int i) { return reflected_mean_entry(i); });
   }
-  const Between at[] = {{s, kStretchedMeanRatios}, stretch(g, kMeanStretches), {r, kStretchedMeanRoughnesses}};
+  const Between at[] = {{s, kStretchedMeanRatios}, stretch(g, kMeanStretches), {sqrtf(r), kStretchedMeanRoughnesses}};
   return interpolate(at, {kStretchedMeanRatios, kMeanStretches, kStretchedMeanRoughnesses},
                      [](int i) { return stretched_reflected_mean_entry(i); });
 }

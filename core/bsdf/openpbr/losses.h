@@ -104,11 +104,12 @@ DST_FN DST_COLD float lost_mean(Ggx g, float eta) {
   const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
   const float scale = mean_scale(r), ratio = 0.5f + 0.5f * copysignf(sqrtf(fabsf(s)), s);
   if (g.ax == g.ay) {
-    const Between at[] = {{ratio, kLossMeanSteps}, {r, kLossMeanRoughnesses}};
+    const Between at[] = {{ratio, kLossMeanSteps}, {sqrtf(r), kLossMeanRoughnesses}};
     return scale * interpolate(at, {kLossMeanSteps, kLossMeanRoughnesses}, [](int i) { return loss_mean_entry(i); });
   }
-  const Between at[] = {
-      {ratio, kStretchedLossMeanSteps}, {loss_stretch(g), kLossMeanStretches}, {r, kStretchedLossMeanRoughnesses}};
+  const Between at[] = {{ratio, kStretchedLossMeanSteps},
+                        {loss_stretch(g), kLossMeanStretches},
+                        {sqrtf(r), kStretchedLossMeanRoughnesses}};
   return scale * interpolate(at, {kStretchedLossMeanSteps, kLossMeanStretches, kStretchedLossMeanRoughnesses},
                              [](int i) { return stretched_loss_mean_entry(i); });
 }
