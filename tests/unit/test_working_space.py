@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import destello as dl
+from destello import metals
 from destello.color_spaces import converted
 
 GREEN = (0.1, 0.7, 0.05)
@@ -76,6 +77,16 @@ def test_numbers_are_not_colours():
     np.testing.assert_array_equal(seen(scene, working_space="acescg"), seen(scene))
 
 
+@pytest.mark.parametrize("name", ["gold", "copper", "iron"])
+def test_metals_keep_their_colour(name):
+    """Their indices are those of Rec.709's channels: in another space they reflect the same colour."""
+    scene = lit(0.5)
+    scene.shapes[0] = scene.shapes[0].replace(material=dl.materials.metal(name))
+    plain = seen(scene)
+    np.testing.assert_allclose(seen(scene, working_space="acescg"), plain, atol=0.005)
+    np.testing.assert_allclose(plain, metals.color(name), atol=0.005)
+
+
 def test_images_of_environments():
     sky = np.full((4, 8, 3), GREEN, np.float32)
     scene = lit(1.0)
@@ -83,6 +94,12 @@ def test_images_of_environments():
         scene.environment = dl.environments.image(image=dl.textures.image(texels, color_space=space))
         for working in ("rec709", "acescg"):
             np.testing.assert_allclose(seen(scene, working_space=working), GREEN, rtol=5e-3, atol=1e-3)
+
+
+def test_images_of_8_bits_are_srgb_in_environments_too():
+    scene = lit(1.0)
+    scene.environment = dl.environments.image(image=np.full((4, 8, 3), 188, np.uint8))
+    np.testing.assert_allclose(seen(scene), 0.5029, rtol=5e-3)
 
 
 def test_defaults_are_colours_too():
