@@ -34,9 +34,9 @@ ALL = {"coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5, "base_meta
 LOBES = [
     ("gloss", {}, "specular", (True,), 0.005, 0.006),
     ("rough diffuse", {"base_diffuse_roughness": 1.0}, "specular", (True,), 0.008, 0.011),
-    ("metal", METAL, "specular", (True,), 0.007, 0.005),
-    ("glass from outside", GLASS, "specular", (True,), 0.008, 0.008),
-    ("glass from inside", GLASS, "specular", (False,), 0.008, 0.022),
+    ("metal", METAL, "specular", (True,), 0.004, 0.005),
+    ("glass from outside", GLASS, "specular", (True,), 0.006, 0.008),
+    ("glass from inside", GLASS, "specular", (False,), 0.006, 0.022),
     ("subsurface", SUBSURFACE, "specular", (True, False), 0.005, 0.006),
     ("sheet", SHEET, "specular", (True,), 0.006, 0.005),
     ("coat", COAT, "coat", (True,), 0.005, 0.006),
@@ -49,7 +49,7 @@ def off(words: dict[str, Any], cosine: float, turns: float, *, front: bool) -> N
 
     Of what narrow facets lose at grazing angles most goes back there, where few samples go: that takes more of them.
     """
-    rare = cosine < 0.02 and min(words.get(f"{x}_roughness", 1.0) or 1.0 for x in ("specular", "coat")) < 0.15
+    rare = cosine < 0.1 and min(words.get(f"{x}_roughness", 1.0) or 1.0 for x in ("specular", "coat")) < 0.15
     u = U if rare else U[:8192]
     power = Case("openpbr", {**WHITE, **words}, front=front).sample(direction(cosine, turns), u).power()
     return np.asarray(power.mean(axis=0) - 1)
