@@ -19,7 +19,7 @@ PYTEST_ARGS ?=
 BUILD_REQUIREMENTS = "scikit-build-core>=1.1" "nanobind>=3.1" "cmake>=3.26" "ninja>=1.11"
 SOURCES := $(shell find core bindings src cmake tools -type f -not -name '*.pyc' -not -name '_core.pyi' 2>/dev/null) \
            CMakeLists.txt pyproject.toml
-CPP_SOURCES = $(shell find core bindings tests benches -name '*.h' -not -path '*/openpbr/tables.h' -o -name '*.cpp' -o -name '*.cu' -o -name '*.cuh')
+CPP_SOURCES = $(shell find core bindings tests benches -name '*.h' -not -path '*/openpbr/*tables.h' -o -name '*.cpp' -o -name '*.cu' -o -name '*.cuh')
 PYTHON_SOURCES = $(wildcard src tests tools benches examples)
 SANITIZE_TESTS ?= $(wildcard tests/unit tests/cpp)
 

@@ -39,12 +39,14 @@ MODULE_LAYER = 8
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
 # Tables of numbers or names, which no reader reads; and nothing else.
-LONG_FILES = {"core/bsdf/openpbr/tables.h"}
+LONG_FILES = {"core/bsdf/openpbr/tables.h", "core/bsdf/openpbr/film_tables.h"}
 TABLES = ("facet", "loss", "stretched", "stretched_loss", "stretched_reflected_mean", "stretched_loss_mean", "fuzz")
 TABLES += ("reflected_mean", "loss_mean", "coupling")
+FILM_TABLES = ("strata", "stretched_strata", "mean_strata", "stretched_mean_strata")
 LONG_FUNCTIONS = {
     *(f"core/bsdf/ggx_albedo_table.h:ggx_albedo_{table}" for table in "ab"),
     *(f"core/bsdf/openpbr/tables.h:{table}_entry" for table in TABLES),
+    *(f"core/bsdf/openpbr/film_tables.h:{table}_entry" for table in FILM_TABLES),
 }
 
 COMPILER = os.environ.get("CXX") or shutil.which("g++") or shutil.which("clang++")
