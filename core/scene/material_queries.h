@@ -75,6 +75,18 @@ struct ParamCount {
   }
 };
 
+// How many images there must be for a texture to read only such as there are.
+struct PicturesRead {
+  const Slot* slots;
+  template <class T>
+  double operator()() const {
+    const auto number = [this](size_t i) { return std::floor(static_cast<double>(slots[i].value.x)); };
+    if constexpr (std::is_same_v<T, ImageTexture>) return number(0) + 1;
+    if constexpr (std::is_same_v<T, UdimTexture>) return number(0) + number(1) * number(2);
+    return 0;
+  }
+};
+
 // Whether a texture is an image (or a row of them) that reads the second uv.
 struct ReadsSecondUv {
   const Slot* slots;

@@ -127,6 +127,9 @@ bool SceneBuilder::reads_second_uv(const std::vector<Slot>& slots) const {
 uint32_t SceneBuilder::add_texture(uint32_t type, const std::vector<Slot>& slots) {
   if (type >= Textures::size) fail("unknown texture type");
   const uint32_t first = add_slots(slots, dispatch(Textures{}, type, ParamCount{}));
+  const size_t pictures = scene_->arrays_.images.size();
+  if (dispatch(Textures{}, type, PicturesRead{slots.data()}) > static_cast<double>(pictures))
+    fail("image of a texture: expected an index below " + std::to_string(pictures));
   // A texture can only refer to earlier ones, so evaluation always ends.
   scene_->arrays_.textures.push_back({type, first});
   const bool reads = dispatch(Textures{}, type, ReadsSecondUv{slots.data(), scene_->arrays_.images.data()});

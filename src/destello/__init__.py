@@ -17,6 +17,7 @@ from destello._version import __version__ as __version__
 if TYPE_CHECKING:
     from destello import (
         cameras,
+        color,
         environments,
         errors,
         filters,
@@ -80,6 +81,7 @@ _WHERE = {
     "translate": "transform",
     "view": "viewer",
     "cameras": "",
+    "color": "",
     "environments": "",
     "errors": "",
     "filters": "",
@@ -96,8 +98,8 @@ __all__ = [  # noqa: RUF022
     "DeviceError", "Error", "FormatError", "ImageTooLarge", "InputError", "MissingFileError", "OutputError",
     "RenderError", "SceneError", "Animation", "Group", "Image", "LiveScene", "Node", "Scene", "Transform", "blackbody",
     "keyframes", "load", "look_at", "matrix", "render", "rotate", "scale", "shear", "translate", "view", "cameras",
-    "environments", "errors", "filters", "io", "lights", "materials", "scenes", "shapes", "textures", "volumes",
-    "__version__",
+    "color", "environments", "errors", "filters", "io", "lights", "materials", "scenes", "shapes", "textures",
+    "volumes", "__version__",
 ]  # fmt: skip
 
 

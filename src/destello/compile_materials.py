@@ -15,6 +15,7 @@ from destello.files import MARK
 from destello.image_table import ImageTable
 from destello.images import linear_rgb, missing_image
 from destello.mesh_checks import check_uv_sets, uv_reads
+from destello.metals import in_space
 from destello.nodes import Node
 from destello.schema import ParamDoc
 from destello.transform import Transform, scale, translate
@@ -119,6 +120,10 @@ class MaterialCompiler:
                     inside = self._images.color(value)
                     if inside is not value:
                         made[name] = inside
+        if "eta" in docs and "k" in docs:
+            eta, k = (made.get(name, docs[name].default) for name in ("eta", "k"))
+            if isinstance(eta, tuple) and isinstance(k, tuple):
+                made["eta"], made["k"] = in_space(eta, k, self._images.working)
 
     def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""

@@ -136,7 +136,8 @@ def gather(problems: Iterable[Error]) -> Error | None:
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """The names that are accepted, the nearest one first if `name` looks like a slip: text for `expected`."""
     names = sorted(known)
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
+    lower = {word.lower(): word for word in names}
+    near = [lower[word] for word in difflib.get_close_matches(str(name).lower(), lower, n=1, cutoff=0.6)]
     listed = ", ".join(names[:24]) + (", ..." if len(names) > 24 else "")
     if near:
         return f"did you mean {near[0]!r}? known: {listed}"

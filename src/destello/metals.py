@@ -131,6 +131,19 @@ def eta_k(name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     weights = np.maximum(XYZ_TO_RGB @ (observer() * planck(WAVELENGTHS, 6504.0)), 0.0)
     mean = weights @ np.interp(WAVELENGTHS, nm, eta) / weights.sum(1)
     head_on = color(name)
-    n = np.clip(mean, (1 - head_on) / (1 + head_on), (1 + np.sqrt(head_on)) / (1 - np.sqrt(head_on)))
+    return _index_of_color(mean, head_on)
+
+
+def in_space(eta: npt.ArrayLike, k: npt.ArrayLike, working: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """An index per channel of Rec.709 as one per channel of another RGB space, of the same colour head-on."""
+    from destello.color_spaces import converted
+
+    head_on = converted(reflectance(1.0, eta, k), "rec709", working).astype(np.float64)
+    return _index_of_color(np.asarray(eta, np.float64), np.clip(head_on, 0.0, _BRIGHTEST))
+
+
+def _index_of_color(real: Floats, head_on: Floats) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Real and imaginary parts that reflect `head_on`, the real ones as near to `real` as they can be."""
+    n = np.clip(real, (1 - head_on) / (1 + head_on), (1 + np.sqrt(head_on)) / (1 - np.sqrt(head_on)))
     k = np.sqrt(np.maximum((head_on * (n + 1) ** 2 - (n - 1) ** 2) / (1 - head_on), 0.0))
     return tuple(n.tolist()), tuple(k.tolist())

@@ -254,6 +254,8 @@ _IMAGE = (ParamDoc("image", "the image: a file's path, an array, or an image tex
 TYPES: tuple[TypeDoc, ...] = (*_SHAPES, *_TEXTURES, *_VOLUMES)
 # Those of them that the core also lists, by another shape: Python's hold.
 REPLACED = frozenset({"image", "scaled", "vertex_color"})
+# Types of the core that stand for nothing in a scene: tiles are an image whose path has <UDIM>.
+INTERNAL = frozenset({"udim"})
 # Parameters that Python adds in front of a core type's own.
 EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
 # Parameters that Python adds to every type of a kind.

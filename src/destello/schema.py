@@ -138,6 +138,8 @@ def build(raw: Mapping[str, Any]) -> Schema:
         types = {}
         for entry in raw.get(section, ()):
             name = str(entry["type"])
+            if name in own.INTERNAL:
+                continue
             params = [core_param(p) for p in entry["params"]]
             types[name] = _type(kind, name, str(entry["doc"]), [*extra.get(name, ()), *params], common)
         for doc in own.TYPES:
@@ -207,7 +209,7 @@ _FORMS = {
     "bool": "true or false",
     "text": "a text",
     "path": "the path of a file",
-    "texels": "an array of shape (height, width, 1 to 4), uint8, uint16 or float32",
+    "texels": "an array of shape (height, width, 1 to 4), uint8, uint16, float16 or float32",
     "transform": "a transform",
     "volume": "a volume",
     "animation": "transform words, some with keyframes",

@@ -131,6 +131,20 @@ def test_what_is_no_number_is_counted_and_black() -> None:
     assert (array[0, 0].max(), array[3, 7].min() > 0.1) == (0, True)
 
 
+def test_an_environment_by_its_path() -> None:
+    """In place of an image texture its path will do, as the parameter says; a missing one is told."""
+    write_image(Path("sky.exr"), np.full((4, 8, 3), 0.5, np.float32))
+    shapes = "shapes: [{type: sphere, center: [0, 0, 0], radius: 1}]"
+    Path("sky.yaml").write_text("destello: 1\nenvironment: {type: image, image: sky.exr}\n" + shapes)
+    assert render("sky.yaml").exit_code == 0
+    environment = dl.load("sky.yaml").environment
+    assert environment is not None
+    assert environment["image"]["path"] == "sky.exr"
+    Path("sky.exr").unlink()
+    missing = render("sky.yaml")
+    assert (missing.exit_code, "missing file: sky.exr" in missing.stderr) == (2, True)
+
+
 @pytest.mark.parametrize("required", [False, True])
 def test_extensions(required: bool) -> None:
     g = Gltf()

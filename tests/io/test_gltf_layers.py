@@ -157,6 +157,21 @@ def test_anisotropy_has_the_widths_of_the_extension(roughness: float, strength: 
     assert along * aspect == pytest.approx(alpha, abs=1e-6)
 
 
+def test_a_textured_strength_has_these_widths_in_every_texel(tmp_path: Path) -> None:
+    """Where the texture's blue is 0, the surface has the roughness that the material says."""
+    g, strength, alpha = Gltf(), 0.8, 0.3**2
+    info = {"index": g.texture(encode_image(corner_image(), ".png", tmp_path))}
+    values = {"anisotropyStrength": strength, "anisotropyTexture": info}
+    node = layered(tmp_path, {"roughnessFactor": 0.3}, g, anisotropy=values)
+    names = ("specular_roughness_anisotropy", "specular_roughness")
+    aspect, rough = (node[name]["pixels"][..., 0] / 65535 for name in names)
+    along = rough**2 * np.sqrt(2 / (1 + (1 - aspect) ** 2))
+    blue = corner_image()[..., 2] / 255
+    np.testing.assert_allclose(along, alpha + (1 - alpha) * (strength * blue) ** 2, atol=1e-4)
+    np.testing.assert_allclose(along * (1 - aspect), alpha, atol=1e-4)
+    assert rough[0, 0] == pytest.approx(0.3, abs=1e-4)
+
+
 def test_anisotropy_has_a_direction(tmp_path: Path) -> None:
     """The extension's tangent and bitangent are along destello's u and v: both have normal maps with green upwards."""
     straight = layered(tmp_path, anisotropy={"anisotropyStrength": 0.5})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import destello as dl
 from destello.image_table import uv_transform
 from destello.io import gltf, load
 from gltf_scenes import BARE, material_of, scene_with
@@ -106,6 +107,27 @@ def test_partly_transmissive_volume_is_a_mix(tmp_path: Path) -> None:
     assert (node.type, node["amount"]) == ("mix", 0.25)
     assert (node["first"].type, node["second"].type) == ("metallic_roughness", "dielectric")
     assert node["first"]["transmission"] == 0
+
+
+def test_metal_beside_glass_stays_metal(tmp_path: Path) -> None:
+    """A jar with its lid in one material: where the texture says metal, nothing is transmitted."""
+    g = Gltf()
+    index = g.texture(encode_image(np.full((2, 2, 3), 255, np.uint8), ".png", tmp_path))
+    extensions = {
+        "KHR_materials_transmission": {"transmissionFactor": 1},
+        "KHR_materials_volume": {"thicknessFactor": 1},
+    }
+    pbr = {"metallicRoughnessTexture": {"index": index}}
+    node = material_of(g, tmp_path, pbrMetallicRoughness=pbr, extensions=extensions)
+    assert (node.type, node["first"].type, node["second"].type) == ("mix", "mix", "metallic_roughness")
+    assert (node["amount"]["channel"], node["first"]["amount"]) == ("b", 1)
+    jar = dl.Scene()
+    jar.environment = dl.environments.gradient()
+    jar.add(dl.shapes.quad(corner=(-1, -1, 0), u=(2, 0, 0), v=(0, 2, 0), material=node))
+    lid = jar.copy()
+    lid.shapes[0] = lid.shapes[0].replace(material=node["second"])
+    a, b = (dl.render(s, size=(8, 8), spp=64, device="cpu", progress=False).array for s in (jar, lid))
+    np.testing.assert_allclose(a.mean(), b.mean(), rtol=0.02)
 
 
 # --- alpha ------------------------------------------------------------------------------------------------------------

@@ -285,6 +285,18 @@ def test_a_channel_that_is_not_there_is_named(channels: int, asked: str, missing
     scene.compile()
 
 
+@pytest.mark.parametrize(
+    ("kind", "params"),
+    [("image", {"image": 1}), ("udim", {"first": 0, "columns": 2, "rows": 1}), ("udim", {"first": 1})],
+)
+def test_the_core_reads_only_images_that_there_are(kind: str, params: dict[str, float]) -> None:
+    builder = _core.SceneBuilder()
+    builder.add_image(np.zeros((2, 2, 3), np.uint8), srgb=False)
+    with pytest.raises(ValueError, match="expected an index below 1"):
+        builder.add_texture(kind, params)
+    builder.add_texture(kind, {})
+
+
 def test_a_grey_normal_map_is_refused() -> None:
     image = dl.textures.image(np.zeros((2, 2, 1), np.uint8))
     scene = dl.Scene("grey")

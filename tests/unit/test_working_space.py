@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import destello as dl
+from destello import metals
 from destello.color_spaces import converted
 
 GREEN = (0.1, 0.7, 0.05)
@@ -74,6 +75,16 @@ def test_numbers_are_not_colours():
     scene = lit(0.5)
     scene.shapes[0] = scene.shapes[0].replace(material=dl.materials.conductor(reflectance=0.5, roughness=smooth))
     np.testing.assert_array_equal(seen(scene, working_space="acescg"), seen(scene))
+
+
+@pytest.mark.parametrize("name", ["gold", "copper", "iron"])
+def test_metals_keep_their_colour(name):
+    """Their indices are those of Rec.709's channels: in another space they reflect the same colour."""
+    scene = lit(0.5)
+    scene.shapes[0] = scene.shapes[0].replace(material=dl.materials.metal(name))
+    plain = seen(scene)
+    np.testing.assert_allclose(seen(scene, working_space="acescg"), plain, atol=0.005)
+    np.testing.assert_allclose(plain, metals.color(name), atol=0.005)
 
 
 def test_images_of_environments():

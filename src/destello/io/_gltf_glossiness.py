@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from destello.io._gltf_json import Item
 from destello.io._gltf_slots import Value, slot
-from destello.io._gltf_textures import Textures
+from destello.io._gltf_textures import Line, Textures
 from destello.nodes import Node
 
 EXTENSION = "KHR_materials_pbrSpecularGlossiness"
@@ -25,7 +25,7 @@ def params(old: Item, diffuse: Node | None, images: Textures, colored: bool) -> 
     texture = None if info is None else images.image(info, "srgb")
     rough: Value = 1.0 - gloss
     if info is not None and texture is not None and gloss > 0:
-        image = images.remapped(info, "a", -gloss, 1.0)
+        image = images.remapped(info, "a", Line(-gloss, 1.0))
         rough = rough if image is None else image
     return {
         "base_color": slot(color, diffuse, colored=colored),

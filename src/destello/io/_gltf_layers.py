@@ -8,9 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from destello.io._gltf_json import Item
 from destello.io._gltf_slots import Value, slot
+from destello.io._gltf_textures import Curve, Line
 from destello.nodes import Node
 
 EXTENSIONS = frozenset(
@@ -41,14 +46,14 @@ _STRAIGHT = 0.99  # the largest anisotropy: what a thin wall scatters back then 
 _NEVER = 1e30  # m: an attenuation distance that attenuates nothing
 
 Texture = Callable[[Item, str, str], "Node | None"]
-Remap = Callable[[Item, str, str, float, float], "Node | None"]
+Remap = Callable[[Item, str, str, Curve], "Node | None"]
 
 
 class Layers:
     """Reads the extensions of one material.
 
-    `texture(item, key, color_space)` makes the texture at item[key], or None; `remap(item, key, channel, scale,
-    offset)` one of its channels as a grey image of offset + scale * texel; `note` tells people something.
+    `texture(item, key, color_space)` makes the texture at item[key], or None; `remap(item, key, channel, curve)`
+    a curve of one of its channels as a grey image in [0, 1]; `note` tells people something.
     """
 
     def __init__(self, item: Item, texture: Texture, remap: Remap, note: Callable[[str], None]) -> None:
@@ -151,7 +156,7 @@ class Layers:
         most = max(low, high)
         thickness: Value = high * 1e-3
         if "iridescenceThicknessTexture" in film and most > 0:
-            image = self._remap(film, "iridescenceThicknessTexture", "g", (high - low) / most, low / most)
+            image = self._remap(film, "iridescenceThicknessTexture", "g", Line((high - low) / most, low / most))
             thickness = thickness if image is None else slot(most * 1e-3, image)
         return {
             "thin_film_weight": slot(factor, self._texture(film, "iridescenceTexture", "linear")),
@@ -165,14 +170,22 @@ class Layers:
         strength = self._factor("KHR_materials_anisotropy", "anisotropyStrength")
         if found is None or strength == 0:
             return {}
-        scale = roughness if isinstance(roughness, float) else 1.0
-        rough = scale if isinstance(roughness, float) else 0.5  # a textured one: as if it were half
+        rough = roughness if isinstance(roughness, float) else 0.5  # a textured one: as if it were half
         across = max(rough * rough, 1e-4)
-        along = across + (1.0 - across) * strength * strength
-        texture = self._texture(found, "anisotropyTexture", "linear")
-        made: dict[str, Value] = {"specular_roughness_anisotropy": slot(1.0 - across / along, texture, channel="b")}
+
+        def along(x: NDArray[Any]) -> NDArray[Any]:
+            return across + (1.0 - across) * np.square(strength * x)
+
+        def by_strength(curve: Curve) -> Value:
+            image = self._remap(found, "anisotropyTexture", "b", curve)
+            return float(curve(np.ones(()))) if image is None else image
+
+        made: dict[str, Value] = {"specular_roughness_anisotropy": by_strength(lambda x: 1.0 - across / along(x))}
         if isinstance(roughness, float):
-            made["specular_roughness"] = min(((along * along + across * across) / 2) ** 0.25, 1.0)
+            made["specular_roughness"] = by_strength(
+                lambda x: np.minimum(((np.square(along(x)) + across * across) / 2) ** 0.25, 1.0)
+            )
+        texture = self._texture(found, "anisotropyTexture", "linear")
         turn = found.number("anisotropyRotation", 0.0)
         if texture is not None:  # its red and green are the direction, which the angle turns
             return made | {"tangent_map": texture, "tangent_rotation": math.degrees(turn)}

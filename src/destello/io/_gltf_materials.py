@@ -17,7 +17,7 @@ from destello.io import _gltf_glossiness as glossiness
 from destello.io import _gltf_layers as layers
 from destello.io._gltf_json import Document, Item
 from destello.io._gltf_slots import Value, slot
-from destello.io._gltf_textures import Textures, uv_set
+from destello.io._gltf_textures import Curve, Textures, uv_set
 from destello.io._gltf_variants import Variants
 from destello.nodes import Node
 
@@ -209,9 +209,9 @@ class Materials:
         info = item.item(key)
         return None if info is None else self._images.image(info, color_space)
 
-    def _remapped(self, item: Item, key: str, channel: str, scale: float, offset: float) -> Node | None:
+    def _remapped(self, item: Item, key: str, channel: str, curve: Curve) -> Node | None:
         info = item.item(key)
-        return None if info is None else self._images.remapped(info, channel, scale, offset)
+        return None if info is None else self._images.remapped(info, channel, curve)
 
 
 def _texture_infos(item: Item) -> list[Item]:
@@ -258,7 +258,11 @@ def _glass(
         glass["abbe"] = min(20.0 / amount, 1000.0)
     if transmission == 1.0 and params["metallic"] == 0.0:
         return make.dielectric(name=name, **glass)
-    opaque = make.metallic_roughness(**_without_defaults(params), **surface)
-    if params["metallic"] != 0.0 and isinstance(params["metallic"], float) and isinstance(transmission, float):
-        transmission *= 1.0 - params["metallic"]
-    return make.mix(first=opaque, second=make.dielectric(**glass), amount=transmission, name=name)
+    opaque, clear = make.metallic_roughness(**_without_defaults(params), **surface), make.dielectric(**glass)
+    metallic = params["metallic"]
+    if isinstance(metallic, float) and isinstance(transmission, float):
+        transmission, metallic = transmission * (1.0 - metallic), 0.0
+    if metallic == 0.0:
+        return make.mix(first=opaque, second=clear, amount=transmission, name=name)
+    dielectric = make.mix(first=opaque, second=clear, amount=transmission)
+    return make.mix(first=dielectric, second=opaque, amount=metallic, name=name)

@@ -7,7 +7,8 @@ glTF's v runs from the top of an image to its bottom, destello's from the bottom
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -30,6 +31,19 @@ _NEAREST, LINEAR = 9728, 9729
 NEAREST_WHEN_SMALL = (9728, 9984, 9986)  # minFilter: NEAREST, and with mip maps
 _LONGEST_PATH = 1000
 
+Curve = Callable[[NDArray[Any]], NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Line:
+    """The curve offset + scale * x."""
+
+    scale: float
+    offset: float
+
+    def __call__(self, x: NDArray[Any]) -> NDArray[Any]:
+        return self.offset + self.scale * x
+
 
 class Textures:
     """Makes image textures; each of a file's images is decoded once."""
@@ -38,7 +52,7 @@ class Textures:
         """`files`: where the images that are no part of the document are, by URI; missing ones are not in it."""
         self.document = document
         self._files = files
-        self._remapped: dict[tuple[int, str, float, float], Node] = {}
+        self._remapped: dict[tuple[int, str, Curve], Node] = {}
         self._buffers = buffers
         self._notes = notes
         self._sources: dict[int, Node] = {}
@@ -65,20 +79,20 @@ class Textures:
         except Error as error:
             raise error.within(info.place, file=info.file) from None
 
-    def remapped(self, info: Item, channel: str, scale: float, offset: float) -> Node | None:
-        """A grey texture of offset + scale * `channel` ("r", "g", "b" or "a") of a textureInfo's image, in [0, 1]."""
+    def remapped(self, info: Item, channel: str, curve: Curve) -> Node | None:
+        """A grey texture of `curve` of a `channel` ("r", "g", "b" or "a") of a textureInfo's image, in [0, 1]."""
         texture = self.document.refer(info, "index", "textures", required=True)
         assert texture is not None
         image = self._image_of(texture)
         texels = None if image is None else self._texels(image)
         if image is None or texels is None:
             return None
-        key = (image.index, channel, scale, offset)
+        key = (image.index, channel, curve)
         if key not in self._remapped:
             values = texels.astype(np.float32)
             if texels.dtype.kind == "u":
                 values /= np.float32(np.iinfo(texels.dtype).max)
-            values = np.clip(offset + scale * _channel(values, channel), 0, 1)
+            values = np.clip(curve(_channel(values, channel)), 0, 1)
             self._remapped[key] = make.image(np.rint(values * 65535).astype(np.uint16))
         settings = {**self._sampler(texture), **self._place(info)}
         return self._remapped[key].replace(color_space="linear", name=self._name(texture, image), **settings)

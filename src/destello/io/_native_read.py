@@ -200,11 +200,15 @@ class _Reader:
         """A parameter's value with the nodes in it made; everything else is left to Node."""
         if doc is None or value is None:
             return value
+        if doc.kind == "image" and isinstance(value, str) and value not in self._section("textures"):
+            return value  # a path
         if doc.kind in _NODE_KINDS:
             return self._node("texture" if doc.kind == "image" else doc.kind, value, place)
         if isinstance(value, dict) and doc.kind in ("scalar", "color", "vector", "bool", "enum"):
             return self._node("texture", value, place)
         if isinstance(value, str) and doc.texturable:
+            if not self._section("textures"):
+                raise SceneError("no texture of this name", place=place, value=value, expected=doc.accepted)
             return self._node("texture", value, place)
         return value
 
