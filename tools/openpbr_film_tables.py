@@ -52,12 +52,12 @@ def seen_table() -> Floats:
 
 def stretched_table() -> Floats:
     """Return (roughness, stretch, turn, cosine, STRATA)."""
-    turns, stretches, roughnesses = (np.linspace(0, 1, n) for n in STRETCHED[1:])
+    cosines, turns, stretches, roughnesses = places(STRETCHED[0]), *(np.linspace(0, 1, n) for n in STRETCHED[1:])
 
     def at(c: float, t: float, s: float, r: float) -> Floats:
         return seen(anisotropic(c, t, s * MOST_STRETCH, r, COARSE))
 
-    return np.array([[[[at(c, t, s, r) for c in places(STRETCHED[0])] for t in turns] for s in stretches] for r in roughnesses])
+    return np.array([[[[at(c, t, s, r) for c in cosines] for t in turns] for s in stretches] for r in roughnesses])
 
 
 def of_all(roughness: float, stretch: float, turns: int) -> Floats:

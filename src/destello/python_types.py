@@ -282,8 +282,8 @@ RENDER = _type(
     ParamDoc("spp", "samples a pixel", "integer", default=64, min=1, max=2**31 - 1),
     ParamDoc(
         "max_depth",
-        "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light; what scatters in media "
-        "does not count",
+        "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light; "
+        "segments that begin in media do not count",
         "integer",
         default=32,
         min=1,

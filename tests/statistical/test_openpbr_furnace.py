@@ -94,13 +94,13 @@ FILMED = [
 
 
 @pytest.mark.parametrize(("words", "sides"), [x[1:] for x in FILMED], ids=[x[0] for x in FILMED])
-@pytest.mark.parametrize(("stretched", "limit"), [(False, 0.006), (True, 0.015)])
+@pytest.mark.parametrize(("stretched", "limit"), [(False, 0.007), (True, 0.012)])
 def test_random_thin_films_over_white(
     words: dict[str, Any], sides: tuple[bool, ...], stretched: bool, limit: float
 ) -> None:
     """Half of them at one wavelength, where fringes are sharpest."""
     rng = np.random.default_rng(31)
-    for i in range(500):
+    for i in range(150):
         film = {
             "thin_film_weight": 1.0,
             "thin_film_ior": rng.uniform(1, 3),

@@ -31,12 +31,12 @@ def test_dense_subsurface_is_whole_at_the_defaults(device: str) -> None:
     """Mean free paths of a thousandth of the radius; the ball shows the colour it was given."""
     scene = ball(dl.materials.openpbr(subsurface_radius=1e-3, specular_weight=0.0, **SKIN))
     got = [
-        runs(scene, device, spp=16, seed=10 * i, **limits).reshape(-1, 3)
+        runs(scene, device, spp=12, seed=10 * i, **limits).reshape(-1, 3)
         for i, limits in enumerate([{}, {"max_volume_depth": 50_000, "max_depth": 1000, "rr_depth": 60_000}])
     ]
     a, b = (x.mean(axis=0) for x in got)
     noise = np.sqrt(sum(x.var(axis=0) / len(x) for x in got))
-    assert (noise < 0.004).all()
+    assert (noise < 0.006).all()
     assert (np.abs(a - b) < 4 * noise).all(), f"{a}, without limits {b}"
     few = runs(scene, device, spp=16, max_volume_depth=30).reshape(-1, 3).mean(axis=0)
     assert (few < 0.97 * b).all()
