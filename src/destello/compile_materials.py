@@ -193,8 +193,6 @@ class MaterialCompiler:
         tiles = read_tiles(self._assets, path, f"{place}.path")
         if tiles is None:
             return "image", self._stand_in(texture, color, place)
-        if tiles.missing:
-            self._note(f"{path}: no tile {', '.join(map(str, tiles.missing))}: black and transparent there")
         space = texture["color_space"]
         read = [None if tile is None else self._images.decoded(tile, space, color) for tile in tiles.texels]
         kind, srgb = next(tile for tile in read if tile is not None)

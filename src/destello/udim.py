@@ -31,7 +31,7 @@ class Tiles:
 
 
 def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
-    """All tiles that are there; None, as for any missing file, if there are none.
+    """All tiles that are there; None, as for any missing file, if there are none. `assets` notes which are missing.
 
     Tiles may differ in resolution, but neither in proportions nor in channels nor in their type of number: FormatError,
     which names the tile.
@@ -56,6 +56,9 @@ def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
     columns, rows = (1 + max(place_) for place_ in zip(*at, strict=True))
     numbers = [FIRST_TILE + column + TILE_COLUMNS * row for row in range(rows) for column in range(columns)]
     missing = tuple(number for number in numbers if number not in found)
+    note = f"{path}: no tile {', '.join(map(str, missing))}: black and transparent there"
+    if missing and note not in assets.notes:
+        assets.notes.append(note)
     return Tiles(columns, rows, tuple(found.get(number) for number in numbers), missing)
 
 

@@ -314,6 +314,15 @@ def test_missing_packages_are_named(rng: np.random.Generator, tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("no_packages")
+def test_missing_packages_are_named_where_nothing_stands_in(rng: np.random.Generator, tmp_path: Path) -> None:
+    """Also if the file does not say that it requires the extension."""
+    for package, g in {"DracoPy": draco(*grid(2, rng)), "alktx2": textured(basis(gradient()))}.items():
+        del g.json["extensionsRequired"]
+        with pytest.raises(FormatError, match=f"needs the package {package}"):
+            dl.load(g.glb(tmp_path))
+
+
+@pytest.mark.usefixtures("no_packages")
 def test_without_packages_the_fallback_holds(tmp_path: Path) -> None:
     """Where the extension is only used, not required, the file's plain data are taken."""
     from scene_files import encode_image

@@ -251,6 +251,18 @@ def test_tinted_glass_with_attenuation(tmp_path: Path) -> None:
     np.testing.assert_allclose(node["medium_absorption"], -np.log([0.5, 0.25, 1]) / 2, atol=1e-7)
 
 
+def test_tinted_glass_that_scatters(tmp_path: Path) -> None:
+    """What collides is absorbed or scattered: both together are the extinction."""
+    volume = {"thicknessFactor": 1, "attenuationColor": [0.5, 0.25, 0.8], "attenuationDistance": 2}
+    scatter = {"multiscatterColor": [0.9, 0.5, 0.2], "scatterAnisotropy": 0.3}
+    glass = {"transmission": {"transmissionFactor": 1}, "volume": volume, "volume_scatter": scatter}
+    node = layered(tmp_path, DIELECTRIC, **glass)
+    scattering, extinction = np.array(node["medium_density"]), -np.log([0.5, 0.25, 0.8]) / 2
+    np.testing.assert_allclose(np.add(node["medium_absorption"], scattering), extinction)
+    np.testing.assert_allclose(scattering / extinction, [single_scatter_albedo(c) for c in (0.9, 0.5, 0.2)])
+    assert (node["medium_anisotropy"], node["transmission_color"]) == (0.3, (0.8, 0.4, 0.2))
+
+
 def test_single_scatter_albedo() -> None:
     assert single_scatter_albedo(0) == 0
     assert single_scatter_albedo(1) == pytest.approx(1, abs=1e-4)

@@ -96,6 +96,12 @@ def test_images_of_environments():
             np.testing.assert_allclose(seen(scene, working_space=working), GREEN, rtol=5e-3, atol=1e-3)
 
 
+def test_images_of_8_bits_are_srgb_in_environments_too():
+    scene = lit(1.0)
+    scene.environment = dl.environments.image(image=np.full((4, 8, 3), 188, np.uint8))
+    np.testing.assert_allclose(seen(scene), 0.5029, rtol=5e-3)
+
+
 def test_defaults_are_colours_too():
     scene = lit(1.0)
     scene.shapes.clear()

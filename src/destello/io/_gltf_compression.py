@@ -24,11 +24,14 @@ _ALWAYS = 1 << 20
 Array = NDArray[Any]
 
 
-def can_decode(item: Item, document: Document, extension: str, package: str) -> bool:
-    """Whether `package` is there. If it is not, and the file cannot do without `extension`, FormatError names it."""
+def can_decode(item: Item, document: Document, extension: str, package: str, *, plain: bool = True) -> bool:
+    """Whether `package` is there. If it is not, and the file cannot do without `extension`, FormatError names it.
+
+    `plain`: the file has the same data without the extension, too.
+    """
     if importlib.util.find_spec(package) is not None:
         return True
-    if extension in document.root.texts("extensionsRequired"):
+    if not plain or extension in document.root.texts("extensionsRequired"):
         raise item.error(f"{extension} needs the package {package}", expected="pip install 'destello[gltf]'")
     return False
 

@@ -127,7 +127,10 @@ class Meshes:
     def _decompress(self, item: Item, attributes: Item) -> None:
         """Puts what is in a primitive's Draco data into its accessors."""
         packed = item.extension(DRACO)
-        if packed is None or not can_decode(item, self.document, DRACO, "DracoPy"):
+        if packed is None:
+            return
+        points = self.document.refer(attributes, "POSITION", "accessors")
+        if not can_decode(item, self.document, DRACO, "DracoPy", plain=points is None or "bufferView" in points):
             return
         view = self.document.refer(packed, "bufferView", "bufferViews", required=True)
         indices = self.document.refer(item, "indices", "accessors", required=True)

@@ -117,9 +117,14 @@ class Textures:
 
     def _image_of(self, texture: Item) -> Item | None:
         basis = texture.extension(BASISU)
-        if basis is not None and "source" in basis and can_decode(texture, self.document, BASISU, "alktx2"):
-            return self.document.refer(basis, "source", "images")
         webp = texture.extension("EXT_texture_webp")
+        plain = "source" in texture or webp is not None
+        if (
+            basis is not None
+            and "source" in basis
+            and can_decode(texture, self.document, BASISU, "alktx2", plain=plain)
+        ):
+            return self.document.refer(basis, "source", "images")
         if webp is not None and "source" in webp:
             return self.document.refer(webp, "source", "images")
         return self.document.refer(texture, "source", "images")
