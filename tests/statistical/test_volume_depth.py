@@ -39,7 +39,7 @@ def test_dense_subsurface_is_whole_at_the_defaults(device: str) -> None:
     assert (noise < 0.006).all()
     assert (np.abs(a - b) < 4 * noise).all(), f"{a}, without limits {b}"
     few = runs(scene, device, spp=16, max_volume_depth=30).reshape(-1, 3).mean(axis=0)
-    assert (few < 0.97 * b).all()
+    assert (few[:2] < 0.95 * b[:2]).all()  # what absorbs most scatters least
 
 
 @pytest.mark.parametrize("limit", [0, 1, 50_000])
