@@ -191,6 +191,7 @@ RenderSettings to_settings(const nb::dict& d, uint32_t width, uint32_t height, c
   s.width = width;
   s.height = height;
   s.max_depth = setting(d, "max_depth", s.max_depth);
+  s.max_volume_depth = setting(d, "max_volume_depth", s.max_volume_depth);
   s.roulette_depth = setting(d, "rr_depth", s.roulette_depth);
   s.light_sampling = to_light_sampling(setting<std::string>(d, "light_sampling", "auto"));
   s.time0 = setting(d, "time0", s.time0);
@@ -210,7 +211,10 @@ RenderSettings to_settings(const nb::dict& d, uint32_t width, uint32_t height, c
   s.filter = make_one_of(Filters{}, type, filter, [](auto& f) { f.prepare(); });
   s.camera = camera.visit(PrepareCamera{width, height});
   s.cone = s.camera.visit(PixelCone{{0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)}});
-  if (s.max_depth < 1 || s.max_depth > 10000) throw std::invalid_argument("max_depth: expected 1 to 10000");
+  if (s.max_depth < 1 || s.max_depth > kMostDepth)
+    throw std::invalid_argument("max_depth: expected 1 to " + std::to_string(kMostDepth));
+  if (s.max_volume_depth > kMostVolumeDepth)
+    throw std::invalid_argument("max_volume_depth: expected 0 to " + std::to_string(kMostVolumeDepth));
   if (!(s.time0 >= 0 && s.time0 <= s.time1 && s.time1 <= 1))
     throw std::invalid_argument("time0, time1: expected 0 <= time0 <= time1 <= 1");
   return s;

@@ -107,7 +107,6 @@ def sheet(rows: list[tuple[str, dict[str, Any], list[Any]]], width: int) -> dl.S
     """Return a scene of one row of spheres for each (parameter, others, [first, last])."""
     s = dl.Scene(name="material gallery")
     columns, lines = STEPS, len(rows)
-    s.render.max_depth = 1000  # in a dense medium light scatters hundreds of times, red light most
     s.film.width, s.film.height = width, round(width * lines / columns)
     s.camera = dl.cameras.orthographic(origin=(0, 0, 20), target=(0, 0, 0), height=lines)
     sky = np.full((64, 128, 3), 0.25, np.float32)

@@ -46,6 +46,7 @@ def estimate(
     sampling: str | None = None,
     seed: int = 0,
     max_depth: int | None = None,
+    max_volume_depth: int | None = None,
     rr_depth: int | None = None,
     clamp: float | None = None,
     shutter: tuple[float, float] | None = None,
@@ -63,6 +64,7 @@ def estimate(
         device=device,
         seed=seed,
         max_depth=max_depth,
+        max_volume_depth=max_volume_depth,
         filter=dl.filters.box(),
         progress=False,
     )

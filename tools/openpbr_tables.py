@@ -1,4 +1,4 @@
-"""Write core/bsdf/openpbr/tables.h: albedos of OpenPBR's lobes, by quadrature, and the thin film's wavelengths.
+"""Write core/bsdf/openpbr/tables.h: albedos of OpenPBR's lobes, by quadrature.
 
 Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h, on all cores; a quarter of an hour of one.
 """
@@ -10,7 +10,6 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from destello._core import testing
 from microfacets import Floats, evened, lattice, lines
 from openpbr_facets import (
     MOST_RATIO,
@@ -36,7 +35,6 @@ STRETCHED_MEAN_RATIOS = 33
 MEAN_ROUGHNESSES, MEAN_STRETCHES, STRETCHED_MEAN_ROUGHNESSES = 61, 2 * STRETCHED[2] - 1, 45
 FUZZ_COSINES, FUZZ_ROUGHNESSES, LEAST_FUZZ = 48, 24, 0.1
 FINE, COARSE = lattice(23), lattice(21)  # points of quadrature for isotropic and anisotropic facets
-WAVELENGTHS = 16
 
 
 def grid(n: int) -> Floats:
@@ -247,7 +245,7 @@ def sizes() -> str:
         "kMeanRoughnesses": MEAN_ROUGHNESSES, "kMeanStretches": MEAN_STRETCHES,
         "kStretchedMeanRoughnesses": STRETCHED_MEAN_ROUGHNESSES, "kStretchedMeanRatios": STRETCHED_MEAN_RATIOS,
         **dict(zip(("kStretchedCosines", "kTurns", "kStretches", "kStretchedRoughnesses"), STRETCHED, strict=True)),
-        "kFuzzCosines": FUZZ_COSINES, "kFuzzRoughnesses": FUZZ_ROUGHNESSES, "kFilmWavelengths": WAVELENGTHS,
+        "kFuzzCosines": FUZZ_COSINES, "kFuzzRoughnesses": FUZZ_ROUGHNESSES,
     }  # fmt: skip
     return "\n".join(f"inline constexpr int {name} = {n};" for name, n in names.items())
 
@@ -272,24 +270,6 @@ struct alignas(8) FacetEntry {{
 """
 
 
-def film_wavelengths() -> str:
-    """Return the wavelengths at which thin films are evaluated, and their RGB weights, which sum to 1."""
-    lo, hi = testing.WAVELENGTHS
-    nm = lo + (hi - lo) * (np.arange(WAVELENGTHS) + 0.5) / WAVELENGTHS
-    fine = lo + (hi - lo) * (np.arange(WAVELENGTHS * 100) + 0.5) / (WAVELENGTHS * 100)
-    weight = np.asarray(testing.wavelength_weight(fine.astype(np.float32)), np.float64)
-    weight = weight.reshape(WAVELENGTHS, 100, 3).mean(axis=1)
-    weight /= weight.sum(axis=0)
-    body = lines([f"{{{w[0]:.7f}f, {w[1]:.7f}f, {w[2]:.7f}f}}," for w in weight])
-    return (
-        "\n// The wavelength in nm, and its share of each of red, green and blue.\n"
-        "DST_FN float film_wavelength(int i) { "
-        f"return {nm[0]:.4f}f + {nm[1] - nm[0]:.4f}f * static_cast<float>(i); }}\n"
-        f"DST_FN Vec3 film_weight(int i) {{\n  static constexpr float kTable[{WAVELENGTHS}][3] = {{\n{body}\n  }};\n"
-        "  return {kTable[i][0], kTable[i][1], kTable[i][2]};\n}"
-    )
-
-
 def main() -> None:
     """Print the header."""
     facets, stretched = facet_table(), stretched_table()
@@ -309,7 +289,6 @@ def main() -> None:
     print(table("coupling_entry", doc, 0.5 + 16 * coupling_table(facets)))
     doc = "A quarter of the albedo of the fuzz lobe, which may exceed 1 before it is normalised."
     print(table("fuzz_entry", doc, fuzz / 4))
-    print(film_wavelengths())
     print("\n}  // namespace destello::openpbr")
 
 

@@ -43,7 +43,7 @@ class LambertBatch {
     scatter(n, numbers.directions());
     for (uint32_t j = 0; j < n; ++j) {
       const uint32_t i = who[j];
-      put_shadow(lights && paths[i].depth < settings.max_depth, j, &shadows[i]);
+      put_shadow(lights && !at_last_surface(settings, paths[i]), j, &shadows[i]);
       put_path(settings, j, &paths[i], aovs == nullptr ? nullptr : &aovs[i]);
     }
   }
@@ -248,7 +248,7 @@ class LambertBatch {
   void put_path(const RenderSettings& settings, uint32_t j, Path* path, SampleAovs* aovs) const {
     if (aovs != nullptr && !path->first_hit_done) *aovs = {reflectance_[j], z_[j], distance_[j]};
     path->first_hit_done = true;
-    if (path->depth >= settings.max_depth || !(cosine_[j] > 0) || is_black(reflectance_[j])) {
+    if (at_last_surface(settings, *path) || !(cosine_[j] > 0) || is_black(reflectance_[j])) {
       path->alive = false;
       return;
     }

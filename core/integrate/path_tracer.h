@@ -93,7 +93,7 @@ DST_FN bool lights_are_sampled(const SceneView& scene, const RenderSettings& set
 
 // Whether a path has its last segment behind it, once it has gathered what it has hit. aovs: features are recorded.
 DST_FN bool ends_at_hit(const RenderSettings& settings, const Path& path, bool aovs) {
-  return path.depth >= settings.max_depth && (!aovs || path.first_hit_done);
+  return at_last_surface(settings, path) && (!aovs || path.first_hit_done);
 }
 
 // The light sample's contribution and the path's next direction, once the surface is known to be there. `distance`: of
@@ -116,7 +116,7 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
                                                        has_light, layers_are_apart(m)});
   if (aovs != nullptr && !path->first_hit_done) *aovs = {answer.albedo, point.normal, distance};
   path->first_hit_done = true;
-  if (path->depth >= settings.max_depth) {
+  if (at_last_surface(settings, *path)) {
     path->alive = false;
     return;
   }

@@ -16,12 +16,16 @@ struct RayCone {
   float width = 0, spread = 0;
 };
 
+// Bounds of the two limits: together they fit the counter of a path's segments.
+inline constexpr uint32_t kMostDepth = 10'000, kMostVolumeDepth = 50'000;
+
 // How to render, the same for all samples.
 struct RenderSettings {
   uint32_t seed = 0;
-  uint32_t width = 0, height = 0;  // of the whole film
-  uint32_t max_depth = 50;         // segments of a path from the camera on, at least 1
-  uint32_t roulette_depth = 5;     // segments after which roulette may end a path
+  uint32_t width = 0, height = 0;      // of the whole film
+  uint32_t max_depth = 50;             // segments of a path from the camera or a surface on, at least 1
+  uint32_t max_volume_depth = 16'384;  // scatterings of a path in media
+  uint32_t roulette_depth = 5;         // segments after which roulette may end a path
   LightSampling light_sampling = LightSampling::Auto;
   float time0 = 0, time1 = 1;  // shutter, within [0, 1]
   float clamp = 0;             // upper bound on a sample's radiance, per channel; 0: none
@@ -94,7 +98,13 @@ struct Path {
   InteriorStack inside;
   bool alive = true;
   bool first_hit_done = false;
+  uint16_t collisions = 0;  // scatterings in media, which count as segments but not against max_depth
 };
+
+// Whether a path may not go on from a surface.
+DST_FN bool at_last_surface(const RenderSettings& settings, const Path& path) {
+  return path.depth - static_cast<uint32_t>(path.collisions) >= settings.max_depth;
+}
 
 // A light sample whose visibility is still to be found out.
 struct ShadowRay {

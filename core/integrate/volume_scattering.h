@@ -135,10 +135,11 @@ DST_FN DST_COLD bool scatter_in_medium(const SceneView& scene, const RenderSetti
     return true;
   }
   if (!flight.collides) return false;
-  if (path->depth >= settings.max_depth) {
+  if (path->collisions >= settings.max_volume_depth) {
     path->alive = false;
     return true;
   }
+  ++path->collisions;
   const Vec3 p = path->ray.origin + path->ray.direction * flight.distance, wo = -path->ray.direction;
   if (settings.light_sampling != LightSampling::Bsdf) {
     const LightPick light = pick_light<true>(scene, settings.light_sampling, p, path->ray.time,

@@ -38,6 +38,7 @@ class Request:
     camera: str | None = None
     seed: int | None = None
     max_depth: int | None = None
+    max_volume_depth: int | None = None
     samples: Span | None = None
     crop: Crop | None = None
     filter: Node | None = None
@@ -161,7 +162,11 @@ def _size(scene: Scene, size: tuple[int, int] | None) -> tuple[int, int]:
 
 def core_settings(scene: Scene, request: Request) -> dict[str, Any]:
     """What the core's renderer is told besides camera and samples."""
-    changes = {"seed": request.seed, "max_depth": request.max_depth}
+    changes = {
+        "seed": request.seed,
+        "max_depth": request.max_depth,
+        "max_volume_depth": request.max_volume_depth,
+    }
     asked = RenderSettings(**{**scene.render.given, **{k: v for k, v in changes.items() if v is not None}})
     chosen = request.filter if request.filter is not None else scene.film.filter
     if chosen is None:
@@ -174,6 +179,7 @@ def core_settings(scene: Scene, request: Request) -> dict[str, Any]:
     return {
         "seed": asked.seed,
         "max_depth": asked.max_depth,
+        "max_volume_depth": asked.max_volume_depth,
         "rr_depth": asked.rr_depth,
         "light_sampling": asked.light_sampling,
         "clamp": asked.clamp,

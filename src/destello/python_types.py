@@ -282,11 +282,20 @@ RENDER = _type(
     ParamDoc("spp", "samples a pixel", "integer", default=64, min=1, max=2**31 - 1),
     ParamDoc(
         "max_depth",
-        "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light",
+        "longest path, in segments from the camera on: 1 shows what shines, 2 adds direct light; "
+        "segments that begin in media do not count",
         "integer",
         default=32,
         min=1,
         max=10000,
+    ),
+    ParamDoc(
+        "max_volume_depth",
+        "how many times a path may scatter in media: fog, clouds, below skin",
+        "integer",
+        default=16384,
+        min=0,
+        max=50000,
     ),
     ParamDoc(
         "rr_depth",

@@ -51,6 +51,7 @@ def render(
     camera: str | None = None,
     seed: int | None = None,
     max_depth: int | None = None,
+    max_volume_depth: int | None = None,
     samples: tuple[int, int] | None = None,
     crop: Crop | None = None,
     filter: Node | None = None,  # noqa: A002
@@ -83,7 +84,9 @@ def render(
         device: `auto` (CUDA where there is one, else the CPU), `cpu`, `cuda`, `cuda:1`...
         camera: name of one of the scene's cameras; None: its default.
         seed: chooses the random numbers, 0 to 2^32 - 1; None: the scene's.
-        max_depth: how many times a path may scatter; None: the scene's.
+        max_depth: segments of a path at most, not counting what media add: 1 shows what shines, 2 adds direct light;
+            None: the scene's.
+        max_volume_depth: how many times a path may scatter in media; None: the scene's.
         samples: (A, B): renders the sample indices A <= i < B only, for example as one of several shards.
         crop: (x0, y0, x1, y1): renders the pixels x0 <= x < x1, y0 <= y < y1 only, with row 0 at the top.
         filter: reconstruction filter, one of `destello.filters`; None: the scene's.
@@ -128,7 +131,8 @@ def render(
         scene = scene.copy()
         scene.render.working_space = working_space
     request = Request(
-        spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth, samples=samples, crop=crop,
+        spp=spp, size=size, device=device, camera=camera, seed=seed, max_depth=max_depth,
+        max_volume_depth=max_volume_depth, samples=samples, crop=crop,
         filter=filter, aov=(aov,) if isinstance(aov, str) else tuple(aov), denoise=denoise, target_error=target_error,
         time=time, threads=threads, build=build, texture_budget=texture_budget,
     )  # fmt: skip
@@ -348,6 +352,7 @@ class _Session:
             "working_space": job.working_space,
             "seed": job.settings["seed"],
             "max_depth": job.settings["max_depth"],
+            "max_volume_depth": job.settings["max_volume_depth"],
             "light_sampling": job.settings["light_sampling"],
             "filter": job.settings["filter"]["type"],
             "device": job.device.name,

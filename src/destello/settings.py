@@ -80,6 +80,7 @@ class RenderSettings(Settings):
     if TYPE_CHECKING:
         spp: int
         max_depth: int
+        max_volume_depth: int
         rr_depth: int
         seed: int
         light_sampling: str

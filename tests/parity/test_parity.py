@@ -266,6 +266,7 @@ def compiled(name: str) -> tuple[Any, dict[str, Any], int]:
     settings = {
         "seed": 7,
         "max_depth": min(scene.render.max_depth, 12),
+        "max_volume_depth": min(scene.render.max_volume_depth, 12),
         "time0": scene.render.shutter[0],
         "time1": scene.render.shutter[1],
     }

@@ -1,4 +1,4 @@
-"""OpenPBR over random parameters: energy, reciprocity, samples against densities; films and peers."""
+"""OpenPBR over random parameters: energy, samples against densities; films and peers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import qmc
@@ -14,68 +14,12 @@ from scipy.stats import qmc
 from bsdf_cases import Case, direction
 from destello._core import testing
 from mitsuba_scenes import mitsuba
+from openpbr_draws import ANISOTROPY, BASE, COAT, COLOURS, DRAWS, MORE, TOP, draws, tilts, views
 
 Floats = NDArray[np.float64]
 
 U = qmc.Sobol(3, rng=7).random(4096).astype(np.float32).clip(0, 1 - 2**-24)
 WHITE = dict.fromkeys(("base_color", "subsurface_color"), 1.0)
-DRAWS = settings(max_examples=1000, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
-"""A thousand draws for each property, the same ones in every run."""
-
-
-# On grids, as Hypothesis takes floats from whatever is imported; what lies between and beyond is listed. Drawn evenly,
-# by seeds of Hypothesis': its own integers are mostly small.
-def even(first: int, last: int, steps: int) -> st.SearchStrategy[float]:
-    return st.randoms(use_true_random=True).map(lambda r: r.randint(first, last) / steps)
-
-
-unit = even(0, 10_000, 10_000)
-tiny = st.sampled_from([1e-45, 1e-39, 4e-34, 1e-20, 1e-9, 1e-6, 9e-6, 1.1e-5, 1 - 2e-5, 1 - 1e-6, 1 - 2**-24])
-share = st.one_of(st.sampled_from([0.0, 1.0]), unit, tiny)
-extreme = st.sampled_from([1e-3, 0.02, 30.0, 100.0, 1e9])
-index, any_index = even(1000, 3000, 1000), st.one_of(even(334, 3000, 1000), even(100, 10_000, 1000), extreme)
-colour = st.tuples(unit, unit, unit)
-
-BASE = {
-    "base_metalness": share,
-    "base_diffuse_roughness": unit,
-    "specular_weight": unit,
-    "specular_roughness": unit,
-    "specular_ior": any_index,
-    "transmission_weight": share,
-    "subsurface_weight": share,
-    "subsurface_scatter_anisotropy": even(-9, 9, 10),
-    "geometry_thin_walled": st.booleans(),
-}
-TOP = {
-    "coat_weight": share,
-    "coat_roughness": unit,
-    "coat_ior": any_index,
-    "coat_darkening": unit,
-    "fuzz_weight": share,
-    "fuzz_roughness": unit,
-}
-COLOURS = {f"{lobe}_color": colour for lobe in ("base", "specular", "transmission", "subsurface", "coat", "fuzz")}
-stretch = st.just(0.0) | even(0, 100, 100)
-ANISOTROPY = {f"{lobe}_roughness_anisotropy": stretch for lobe in ("specular", "coat")}
-MORE = ANISOTROPY | {
-    "base_weight": unit,
-    "thin_film_weight": share,
-    "thin_film_thickness": unit,
-    "thin_film_ior": index,
-}
-COAT = {
-    "geometry_coat_normal": st.tuples(unit, unit, even(5000, 10_000, 10_000)),
-    "geometry_coat_normal_scale": unit,
-}
-angle = st.integers(0, 80)
-tilts = st.none() | st.tuples(angle, unit, angle, unit)
-"""How the surface leans below a base whose normals a map has turned: see `Case.tilt`."""
-views = st.tuples(even(5, 100, 100), unit)
-
-
-def draws(*groups: dict[str, st.SearchStrategy[Any]]) -> st.SearchStrategy[dict[str, Any]]:
-    return st.fixed_dictionaries({name: value for group in groups for name, value in group.items()})
 
 
 def case(params: dict[str, Any], *, front: bool = True, outside: float = 1.0, tilt: Any = None) -> Case:
@@ -123,25 +67,6 @@ def test_weight_is_eval_over_pdf(params: dict[str, Any], view: tuple[float, floa
     pdf = c.pdf(wo, s.wi[k])
     np.testing.assert_allclose(pdf, s.pdf[k], rtol=0.02)
     np.testing.assert_allclose(c.eval(wo, s.wi[k]) / pdf[:, None], s.weight[k], rtol=0.03, atol=1e-5)
-
-
-@DRAWS
-@given(draws(BASE, COAT, COLOURS, MORE), views, st.booleans())
-def test_reciprocity(params: dict[str, Any], view: tuple[float, float], front: bool) -> None:
-    """Without coat and fuzz; f / n^2 is the same from both sides."""
-    c, wo = case({**params, "specular_color": 1.0, "thin_film_weight": 0.0}, front=front), direction(*view)
-    s = c.sample(wo, U[:512])
-    k = s.spread & (s.pdf < 1e3) & (np.abs(s.wi[:, 2]) > 0.05)
-    if not k.any():
-        return
-    wi, eta, up = s.wi[k], s.eta[k], s.wi[k][:, 2] > 0
-    forth = c.eval(wo, wi) / np.abs(wi[:, 2:])
-    back = np.empty_like(forth)
-    if up.any():
-        back[up] = c.eval(wi[up], wo) / wo[2]
-    if (~up).any():
-        back[~up] = c.eval(-wi[~up], -wo, flipped=True) / wo[2]
-    np.testing.assert_allclose(forth, back / eta[:, None] ** 2, rtol=0.02, atol=1e-4)
 
 
 # --- thin film -------------------------------------------------------------------------------------------------------

@@ -55,7 +55,7 @@ def test_once_scattered_sunlight(device):
     scene.camera = down_on()
     extinction = DENSITY + absorption
     known = pi / (4 * pi) * 0.9 * DENSITY * -np.expm1(-2 * extinction * height) / (2 * extinction)
-    got = runs(scene, device, spp=512, max_depth=2)
+    got = runs(scene, device, spp=512, max_volume_depth=1)
     stats.assert_mean(got.reshape(-1, 3), known, slack=1e-5)
 
 
@@ -88,7 +88,7 @@ def test_sunlight_through_coloured_fog_onto_a_floor(device):
     scene.add(floor(1.0), slab(0.2, 0.6, fog(medium_albedo=0.5)))
     scene.add(dl.lights.directional(direction=(0, -1, 0), irradiance=pi))
     scene.camera = dl.cameras.orthographic(origin=(0, 0.1, 0), target=(0, 0, 0), up=(0, 0, -1), height=1)
-    got = runs(scene, device, spp=4, max_depth=2, count=1)
+    got = runs(scene, device, spp=4, max_volume_depth=0, count=1, max_depth=2)
     np.testing.assert_allclose(got, np.broadcast_to(np.exp(-DENSITY * 0.4), got.shape), rtol=3e-4)  # skins
 
 
@@ -105,5 +105,5 @@ def test_no_fireflies(device):
     scene.add(dl.shapes.sphere((0, 0, 0), 1, material=fog(medium_density=(1, 10, 100), medium_albedo=(1, 0.9, 0.8))))
     scene.environment = dl.environments.constant(radiance=1)
     scene.camera = dl.cameras.perspective(origin=(0, 0, 4), target=(0, 0, 0), vfov=35)
-    got = runs(scene, device, spp=1, size=(64, 64), sampling="auto", max_depth=200, rr_depth=1000)
+    got = runs(scene, device, spp=1, size=(64, 64), sampling="auto", max_volume_depth=200, rr_depth=1000)
     assert got.sum(-1).max() <= 3 * (1 + 1e-4)

@@ -135,12 +135,13 @@ def test_a_device_as_output():
 def test_crop_samples_filter_camera_and_limits():
     done = run(
         "render", "cornell", "--size", "24x16", "--crop", "2:10,3:9", "--samples", "2:5", "--camera", "default",
-        "--filter", "gaussian:sigma=0.5", "--max-depth", "3", "--threads", "1", "--json", "-q", "-o", "a.exr",
-        "--bits", "32",
+        "--filter", "gaussian:sigma=0.5", "--max-depth", "3", "--max-volume-depth", "0", "--threads", "1", "--json",
+        "-q", "-o", "a.exr", "--bits", "32",
     )  # fmt: skip
     assert done.exit_code == 0, done.stderr
     figures = json.loads(done.stdout)
     assert (figures["samples"], figures["spp"], figures["width"], figures["height"]) == ("2:5", 3, 8, 6)
+    assert figures["max_volume_depth"] == 0
     image = dl.render(
         "cornell", size=(24, 16), crop=(2, 3, 10, 9), samples=(2, 5), filter=dl.filters.gaussian(sigma=0.5),
         max_depth=3, progress=False,

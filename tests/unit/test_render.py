@@ -126,6 +126,7 @@ def test_resume_fills_gaps(tmp_path):
         ({"seed": 1}, "seed"),
         ({"size": (8, 8)}, "size"),
         ({"max_depth": 3}, "max_depth"),
+        ({"max_volume_depth": 3}, "max_volume_depth"),
         ({"crop": (0, 0, 4, 4)}, "crop"),
         ({"aov": ("depth",)}, "aovs"),
     ],
@@ -278,8 +279,9 @@ def test_a_failed_render_keeps_the_passes_that_were_whole(tmp_path, monkeypatch)
 
 
 def test_metadata_says_how_it_was_made():
-    image = render(seed=7, max_depth=5)
+    image = render(seed=7, max_depth=5, max_volume_depth=9)
     expected = {"scene": "cornell", "spp": 8, "samples": "0:8", "width": 24, "height": 16, "seed": 7, "max_depth": 5}
+    expected["max_volume_depth"] = 9
     assert expected.items() <= image.metadata.items()
     assert image.metadata["version"] == dl.__version__
     assert image.metadata["device"] in ("cpu", "cuda:0")

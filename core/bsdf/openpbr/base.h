@@ -4,8 +4,8 @@
 #include "bsdf/bsdf.h"
 #include "bsdf/diffuse.h"
 #include "bsdf/microfacet.h"
+#include "bsdf/openpbr/film_albedo.h"
 #include "bsdf/openpbr/losses.h"
-#include "bsdf/openpbr/thin_film.h"
 
 namespace destello::openpbr {
 
@@ -90,7 +90,7 @@ struct Base {
     const bool lossy = !smooth() && (metal > 0 || (thin && through > 0));
     if (lossy || below + diffuse > 0) {
       const SeenFacets seen = seen_facets(up, ggx);
-      if (below + diffuse > 0) v.left = left_by_gloss(seen);
+      if (below + diffuse > 0) v.left = left_by_gloss(up, seen);
       if (lossy) v.metal_lost = seen.lost;
     }
     if (smooth()) return v;
@@ -128,20 +128,19 @@ struct Base {
   }
 
  private:
-  DST_HD Vec3 left_by_gloss(const SeenFacets& seen) const {
+  // The film as it is seen from outside.
+  DST_HD ThinFilm outer_film() const {
+    ThinFilm f = film;
+    if (inside) f.ratio /= eta;
+    return f;
+  }
+  DST_HD Vec3 left_by_gloss(Vec3 up, const SeenFacets& seen) const {
     if (!(film.weight > 0)) return Vec3(1.0f - seen.reflected(gloss_eta));
-    return Vec3(1) - seen.reflected([this](float c) { return film.dielectric(c, gloss_eta); });
+    return Vec3(1) - reflected_by_film(outer_film(), gloss_eta, up, ggx) * (1.0f - seen.lost);
   }
   DST_HD Vec3 mean_left_by_gloss() const {
     if (!(film.weight > 0)) return Vec3(1.0f - reflected_mean(ggx, gloss_eta));
-    constexpr int n = 8;
-    Vec3 sum;
-    for (int i = 0; i < n; ++i) {  // over a quarter, each cosine with an azimuth of its own
-      const float z2 = (static_cast<float>(i) + 0.5f) / n, sine = sqrtf(1.0f - z2);
-      const SinCos a = sincos_turns((static_cast<float>(i * 3 % n) + 0.5f) / (4 * n));
-      sum += left_by_gloss(seen_facets({sine * a.cos, sine * a.sin, sqrtf(z2)}, ggx));
-    }
-    return sum / static_cast<float>(n);
+    return Vec3(1) - mean_reflected_by_film(outer_film(), gloss_eta, ggx) * (1.0f - facets_lose_mean(ggx));
   }
   DST_HD Vec3 reflected_below(const View& o, const View& i) const {
     if (thin) return below_color * below_back * (o.left * i.left / mean_left);

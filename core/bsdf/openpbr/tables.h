@@ -21,7 +21,6 @@ inline constexpr int kStretches = 8;
 inline constexpr int kStretchedRoughnesses = 13;
 inline constexpr int kFuzzCosines = 48;
 inline constexpr int kFuzzRoughnesses = 24;
-inline constexpr int kFilmWavelengths = 16;
 inline constexpr float kMostStretch = 0.961f, kMostRatio = 8, kLeastFuzz = 0.1f;
 
 struct alignas(8) FacetEntry {
@@ -6389,22 +6388,6 @@ DST_FN uint16_t fuzz_entry(int i) {
       5099, 4923, 4748, 4573, 4400, 4227, 4054, 3881, 3709, 3537, 3364, 3192, 3018, 2845, 2670, 2494, 2317,
   };
   return kTable[i];
-}
-
-// The wavelength in nm, and its share of each of red, green and blue.
-DST_FN float film_wavelength(int i) { return 390.6250f + 21.2500f * static_cast<float>(i); }
-DST_FN Vec3 film_weight(int i) {
-  static constexpr float kTable[16][3] = {
-      {-0.0004354f, -0.0002456f, 0.0062860f}, {0.0113207f, -0.0105819f, 0.0756064f},
-      {0.0343106f, -0.0419114f, 0.3410189f}, {0.0152417f, -0.0315418f, 0.3999044f},
-      {-0.0391548f, 0.0268562f, 0.2341026f}, {-0.0952822f, 0.1161478f, 0.0655288f},
-      {-0.1427840f, 0.2482691f, -0.0052333f}, {-0.0914365f, 0.3131188f, -0.0331894f},
-      {0.0789764f, 0.2613531f, -0.0355165f}, {0.2851394f, 0.1436498f, -0.0264117f},
-      {0.4023640f, 0.0234216f, -0.0138891f}, {0.3275010f, -0.0269099f, -0.0052802f},
-      {0.1585816f, -0.0183987f, -0.0018527f}, {0.0466728f, -0.0039494f, -0.0007376f},
-      {0.0082016f, 0.0003530f, -0.0002670f}, {0.0007832f, 0.0003693f, -0.0000695f},
-  };
-  return {kTable[i][0], kTable[i][1], kTable[i][2]};
 }
 
 }  // namespace destello::openpbr

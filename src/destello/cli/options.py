@@ -91,7 +91,13 @@ TextureBudget = Annotated[
     ),
 ]
 Seed = Annotated[int | None, Option(metavar="N", help="Chooses the random numbers.", rich_help_panel=_HOW)]
-MaxDepth = Annotated[int | None, Option(metavar="N", help="Scatterings of a path at most.", rich_help_panel=_HOW)]
+MaxDepth = Annotated[
+    int | None,
+    Option(metavar="N", help="Segments of a path at most, not counting those in media.", rich_help_panel=_HOW),
+]
+MaxVolumeDepth = Annotated[
+    int | None, Option(metavar="N", help="Scatterings of a path in media at most.", rich_help_panel=_HOW)
+]
 Filter = Annotated[
     str | None,
     Option(

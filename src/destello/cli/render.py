@@ -42,6 +42,7 @@ def render(
     texture_budget: o.TextureBudget = None,
     seed: o.Seed = None,
     max_depth: o.MaxDepth = None,
+    max_volume_depth: o.MaxVolumeDepth = None,
     filter: o.Filter = None,  # noqa: A002
     denoise: o.Denoise = False,
     working_space: o.WorkingSpace = None,
@@ -71,6 +72,7 @@ def render(
         "spp": spp, "target_error": target_error, "time": o.read_time(time), "samples": o.read_samples(samples),
         "size": o.read_size(size), "crop": o.read_crop(crop), "camera": camera, "device": device, "threads": threads,
         "build": build, "texture_budget": texture_budget, "seed": seed, "max_depth": max_depth,
+        "max_volume_depth": max_volume_depth,
         "filter": o.read_filter(filter), "denoise": denoise,
         "working_space": working_space, "aov": _layers(aov), "allow_missing": allow_missing,
         "allow_external": allow_external,

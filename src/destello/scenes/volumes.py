@@ -66,7 +66,8 @@ def cloud() -> Scene:
     density[inside < -0.25] = 0
     sky = (0.14, 0.24, 0.42)
     camera = dl.cameras.perspective(origin=(0, 0.5, 6), target=(0, 0.75, 0), vfov=24)
-    made = blank("cloud", size=(960, 540), spp=256, max_depth=200, camera=camera, background=sky)
+    made = blank("cloud", size=(960, 540), spp=256, max_depth=32, camera=camera, background=sky)
+    made.render.max_volume_depth = 200
     volume = dl.volumes.grid(density=(255 * density).astype(np.uint8), min=low, max=high)
     made.add(dl.volumes.box(volume, medium_density=18, medium_albedo=(1, 0.999, 0.998), medium_anisotropy=0.6))
     made.environment = dl.environments.gradient(bottom=(0.4, 0.33, 0.31), top=sky)
@@ -95,6 +96,7 @@ def fire() -> Scene:
     density = np.clip(heat * 3, 0, 1) + 0.25 * smoke * np.clip(height - 0.7, 0, 1)
     camera = dl.cameras.perspective(origin=(0, 1.2, 6.5), target=(0, 1.0, 0), vfov=24)
     made = blank("fire", size=(540, 720), spp=256, max_depth=32, camera=camera, background=(0.004, 0.005, 0.01))
+    made.render.max_volume_depth = 32
     volume = dl.volumes.grid(
         density=density.astype(np.float16),
         temperature=np.where(heat > 0, 900 + 900 * heat**0.7, 0).astype(np.float32),
