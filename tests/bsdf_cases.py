@@ -45,6 +45,8 @@ BY_HAND: dict[str, list[dict[str, Any]]] = {
         {"metallic": 0.0, "roughness": 0.5, "base_color": (0.8, 0.3, 0.1)},
         {"metallic": 0.5, "roughness": 0.3, "base_color": (0.8, 0.3, 0.1), "transmission": 0.5},
         {"metallic": 0.0, "roughness": 0.4, "transmission": 1.0},
+        {"metallic": 1.0, "roughness": 0.15, "base_color": (0.9, 0.6, 0.2)},
+        {"metallic": 0.3, "roughness": 0.7, "transmission": 0.6},
         {"metallic": 0.0, "roughness": 0.0},
         {"metallic": 0.0, "roughness": 0.0, "transmission": 1.0, "ior": 2.0},
         {"metallic": 0.0, "roughness": 0.6, "specular": 0.5, "specular_color": (3.0, 1.0, 0.2)},

@@ -26,9 +26,10 @@ def split_albedo(mu: float, alpha: float) -> tuple[float, float]:
     return float(np.mean(passed * (1 - weight))), float(np.mean(passed * weight))
 
 
-def rows(values: Floats) -> str:
-    """Return 16-bit fractions as C++ initialiser lines."""
-    return lines([f"{round(v * 65535)}," for v in values.ravel()])
+def whole(table: Floats) -> Floats:
+    """Return (a, b) in the last axis as multiples of 1/65535 that never sum to more than 1."""
+    lost, a = (np.round(part * 65535) for part in (np.maximum(1 - table.sum(-1), 0), table[..., 0]))
+    return np.stack([a, 65535 - lost - a], -1)
 
 
 HEAD = """\
@@ -36,7 +37,7 @@ HEAD = """\
 //
 // The directional albedo of isotropic GGX reflection (Smith, height-correlated) under Schlick's Fresnel term is
 // f0 * a + f90 * b. Rows: roughness (alpha is its square) from 0 to 1; columns: the square root of the cosine from 0 to
-// 1; 16-bit fractions of 1.
+// 1; 16-bit fractions of 1, and means of what these say.
 #pragma once
 
 #include "base/defs.h"
@@ -48,8 +49,8 @@ inline constexpr int kGgxAlbedoSize = {size};
 
 FUNCTION = """
 // {doc}
-DST_FN uint16_t {name}(int i) {{
-  static constexpr uint16_t kTable[{count}] = {{
+DST_FN {type} {name}(int i) {{
+  static constexpr {type} kTable[{count}] = {{
 {values}
   }};
   return kTable[i];
@@ -59,17 +60,18 @@ DST_FN uint16_t {name}(int i) {{
 def main() -> None:
     """Print the header."""
     mus = np.maximum(np.linspace(0, 1, SIZE) ** 2, 1e-4)
-    table = np.array([[split_albedo(mu, r * r) for mu in mus] for r in np.linspace(0, 1, SIZE)])
-    means = np.array([[cosine_mean(row[:, part]) for part in (0, 1)] for row in table])
+    table = whole(np.array([[split_albedo(mu, r * r) for mu in mus] for r in np.linspace(0, 1, SIZE)]))
     print(HEAD.format(size=SIZE), end="")
     for k, part in enumerate("ab"):
-        values = table[:, :, k]
-        doc = f"Entry row * kGgxAlbedoSize + column of {part}."
-        print(FUNCTION.format(doc=doc, name=f"ggx_albedo_{part}", count=values.size, values=rows(values)))
-    for k, part in enumerate("ab"):
-        values = means[:, k]
-        doc = f"The cosine-weighted mean over directions of row i of {part}."
-        print(FUNCTION.format(doc=doc, name=f"ggx_albedo_mean_{part}", count=SIZE, values=rows(values)))
+        doc, values = f"Entry row * kGgxAlbedoSize + column of {part}.", table[:, :, k].ravel()
+        words = lines([f"{v:.0f}," for v in values])
+        print(FUNCTION.format(doc=doc, type="uint16_t", name=f"ggx_albedo_{part}", count=values.size, values=words))
+    means = cosine_mean(np.moveaxis(table, -1, 0)) / 65535
+    lost = cosine_mean(65535 - table.sum(-1)) / 65535
+    for name, what, row in (("mean_a", "a", means[0]), ("mean_b", "b", means[1]), ("mean_lost", "1 - a - b", lost)):
+        doc = f"The cosine-weighted mean over directions of row i of {what}."
+        words = lines([f"{v:#.8g}f," for v in row])
+        print(FUNCTION.format(doc=doc, type="float", name=f"ggx_albedo_{name}", count=SIZE, values=words))
     print("\n}  // namespace destello")
 
 

@@ -54,7 +54,10 @@ def test_glass_and_metal(device):
 
 
 def test_gltf_metals_are_disneys(device, tmp_path):
-    """Schlick's Fresnel term on a GGX reflection of alpha roughness^2: `principled` without its other lobes."""
+    """Schlick's Fresnel term on a GGX reflection of alpha roughness^2: `principled` without its other lobes.
+
+    Mitsuba's scatters once among its facets, which at such roughness loses next to nothing.
+    """
     scene = glass_and_metal()
     del scene.shapes[2]
     for i, (color, roughness) in ((2, (theirs.GOLD, 0.25)), (3, (theirs.STEEL, 0.2))):
