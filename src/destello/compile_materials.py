@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+_LEAST_LEFT = 1e-6  # of a channel's light, as in OpenPBR's media
+
+
 class MaterialCompiler:
     """Adds the materials and textures of one scene. Equal nodes get one number."""
 
@@ -120,6 +123,9 @@ class MaterialCompiler:
             eta, k = (made.get(name, docs[name].default) for name in ("eta", "k"))
             if isinstance(eta, tuple) and isinstance(k, tuple):
                 made["eta"], made["k"] = in_space(eta, k, self._images.working)
+        rates = made.get("medium_absorption")
+        if isinstance(rates, tuple) and len(set(rates)) > 1:
+            made["medium_absorption"] = absorption_in(rates, self._images.working)
 
     def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""
@@ -244,6 +250,13 @@ def voxel_colors(voxels: NDArray[Any] | None, working: str) -> NDArray[Any] | No
         return voxels
     values = voxels.astype(np.float32) / np.float32(255 if voxels.dtype.kind == "u" else 1)
     return np.ascontiguousarray(np.maximum(converted(values, "rec709", working), 0), np.float32)
+
+
+def absorption_in(rates: tuple[float, ...], working: str) -> tuple[float, ...]:
+    """Absorption (1/m) by the channels of another space that leaves the same colour of white light after a mean way."""
+    way = len(rates) / sum(rates)
+    left = converted(np.exp(-np.array(rates) * way), "rec709", working)
+    return tuple((-np.log(np.clip(left.astype(np.float64), _LEAST_LEFT, 1.0)) / way).tolist())
 
 
 def emission_voxels(node: Node) -> NDArray[Any] | None:
