@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+import destello as dl
 from destello.formats import LoadOptions
 from destello.io import gltf
 from destello.nodes import Node
@@ -44,3 +45,12 @@ def material_of(g: Gltf, folder: Path, **material: Any) -> Node:
     node = scene_with(g, folder, **material).shapes[0]["material"]
     assert isinstance(node, Node)
     return node
+
+
+def picture(material: Node, *, spp: int = 256) -> np.ndarray:
+    """A ball of the material under a sky of two colours."""
+    scene = dl.Scene()
+    scene.environment = dl.environments.gradient(bottom=0.2, top=(0.6, 0.8, 1))
+    scene.camera = dl.cameras.perspective(origin=(0, 0, 4), target=(0, 0, 0), vfov=25)
+    scene.add(dl.shapes.sphere(center=(0, 0, 0), radius=0.7, material=material))
+    return dl.render(scene, size=(16, 16), spp=spp, device="cpu", progress=False).array

@@ -102,7 +102,7 @@ class Gltf:
     def glb_bytes(self) -> bytes:
         """The .glb file."""
         if self.data:
-            self.json["buffers"] = [{"byteLength": len(self.data)}]
+            self.json["buffers"] = [{"byteLength": len(self.data)}, *self.json.get("buffers", [])[1:]]
         text = json.dumps(self.json).encode()
         chunks = _chunk(0x4E4F534A, text + b" " * (-len(text) % 4))
         if self.data:

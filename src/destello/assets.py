@@ -42,6 +42,9 @@ class Assets:
         )
         self.notes: list[str] = []
         self._images: dict[Path, NDArray[Any]] = {}
+        self._arrays: dict[
+            int, tuple[NDArray[Any], NDArray[Any]]
+        ] = {}  # by id: the array, which stays alive; its texels
         self._volumes: dict[Node, Node] = {}
         self._meshes: dict[Path, MeshFile | None] = {}
 
@@ -54,9 +57,23 @@ class Assets:
             return None
         if real not in self._images:
             self._images[real], bad = repaired(self._read(read_texels, real, place))
-            if bad:
-                self.notes.append(f"{path}: {bad} values are infinite or not numbers: they count as 0")
+            self._note_bad(path, bad)
         return real, self._images[real]
+
+    def array(self, texture: Node, place: str) -> NDArray[Any]:
+        """The texels of an image texture given as an array."""
+        from destello.images import repaired
+
+        pixels: NDArray[Any] = texture["pixels"]
+        if id(pixels) not in self._arrays:
+            kept, bad = repaired(pixels)
+            self._arrays[id(pixels)] = (pixels, kept)
+            self._note_bad(texture.name or place, bad)
+        return self._arrays[id(pixels)][1]
+
+    def _note_bad(self, name: str, count: int) -> None:
+        if count:
+            self.notes.append(f"{name}: {count} values are infinite or not numbers: they count as 0")
 
     def volume(self, node: Node, place: str) -> Node:
         """The `grid` in the file of a volume_file; an empty one if it is missing. Raises FormatError, InputError."""

@@ -17,16 +17,15 @@ from destello.images import linear_rgb, missing_image
 from destello.mesh_checks import check_uv_sets, uv_reads
 from destello.metals import in_space
 from destello.nodes import Node
-from destello.schema import ParamDoc
+from destello.schema import NORMALS, TANGENTS, ParamDoc, is_color
 from destello.transform import Transform, scale, translate
 from destello.udim import read_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_NORMALS = frozenset({"normal_map", "geometry_coat_normal"})
-_TANGENTS = frozenset({"tangent_map", "geometry_coat_tangent"})
-_NUMBERS = _NORMALS | _TANGENTS | {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
+
+_LEAST_LEFT = 1e-6  # of a channel's light, as in OpenPBR's media
 
 
 class MaterialCompiler:
@@ -124,6 +123,9 @@ class MaterialCompiler:
             eta, k = (made.get(name, docs[name].default) for name in ("eta", "k"))
             if isinstance(eta, tuple) and isinstance(k, tuple):
                 made["eta"], made["k"] = in_space(eta, k, self._images.working)
+        rates = made.get("medium_absorption")
+        if isinstance(rates, tuple) and len(set(rates)) > 1:
+            made["medium_absorption"] = absorption_in(rates, self._images.working)
 
     def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""
@@ -138,8 +140,8 @@ class MaterialCompiler:
             made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
         number = self.texture(texture, is_color(doc), place)
-        if doc.name in _NORMALS | _TANGENTS:
-            self._check_channel(texture, "rgb" if doc.name in _NORMALS else "rg", place)
+        if doc.name in NORMALS | TANGENTS:
+            self._check_channel(texture, "rgb" if doc.name in NORMALS else "rg", place)
         elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
             self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}
@@ -178,7 +180,7 @@ class MaterialCompiler:
         if path is not None and MARK in path:
             return self._tiles(texture, color, place)
         if path is None:
-            texels = texture["pixels"]
+            texels = self._assets.array(texture, place)
         else:
             found = self._assets.texels(path, f"{place}.path")
             if found is None:
@@ -211,7 +213,7 @@ class MaterialCompiler:
     def environment_texels(self, texture: Node, place: str) -> NDArray[np.float32]:
         """An environment's image as linear radiance, (height, width, 3) float32; a missing one gives the stand-in."""
         if texture["pixels"] is not None:
-            texels = texture["pixels"]
+            texels = self._assets.array(texture, place)
         else:
             found = self._assets.texels(texture["path"], f"{place}.path")
             if found is None:
@@ -250,6 +252,13 @@ def voxel_colors(voxels: NDArray[Any] | None, working: str) -> NDArray[Any] | No
     return np.ascontiguousarray(np.maximum(converted(values, "rec709", working), 0), np.float32)
 
 
+def absorption_in(rates: tuple[float, ...], working: str) -> tuple[float, ...]:
+    """Absorption (1/m) by the channels of another space that leaves the same colour of white light after a mean way."""
+    way = len(rates) / sum(rates)
+    left = converted(np.exp(-np.array(rates) * way), "rec709", working)
+    return tuple((-np.log(np.clip(left.astype(np.float64), _LEAST_LEFT, 1.0)) / way).tolist())
+
+
 def emission_voxels(node: Node) -> NDArray[Any] | None:
     """The radiance of a grid's voxels, scaled: (depth, height, width, 1 or 3); None if nothing glows."""
     from destello.spectrum import blackbody_glow
@@ -262,11 +271,6 @@ def emission_voxels(node: Node) -> NDArray[Any] | None:
     if emission.dtype.kind == "u":
         emission = emission / np.float32(255)
     return np.ascontiguousarray(emission * np.float32(factor), np.float32)
-
-
-def is_color(doc: ParamDoc) -> bool:
-    """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
-    return doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS
 
 
 def _factor(doc: ParamDoc, texture: Node, place: str) -> dict[str, Any]:

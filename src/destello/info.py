@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from destello.assets import Assets
 from destello.files import MARK
 from destello.frames import animations
@@ -165,7 +163,7 @@ def _parts(texture: Node, assets: Assets) -> list[NDArray[Any]]:
     """The texels of an image texture: one array, or one for each tile that there is."""
     path = texture["path"]
     if path is None:
-        return [np.asarray(texture["pixels"])]
+        return [assets.array(texture, "an array")]
     if MARK in path:
         tiles = read_tiles(assets, path, path)
         found = [tile for tile in tiles.texels if tile is not None] if tiles else []

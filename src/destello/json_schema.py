@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from destello.animation import INTERPOLATIONS, KEYED
-from destello.python_types import FILM, RENDER
-from destello.schema import KINDS, ParamDoc, Schema, TypeDoc, schema
+from destello.python_types import BLACK_BODY, FILM, RENDER
+from destello.schema import KINDS, ParamDoc, Schema, TypeDoc, is_color, schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": "number"}
@@ -24,6 +24,7 @@ def json_schema(types: Schema | None = None) -> dict[str, Any]:
     """The JSON Schema of the native format, as plain data."""
     types = types or schema()
     definitions: dict[str, Any] = {"transform": _transform(), "animation": _animation()}
+    definitions["blackbody"] = {"description": BLACK_BODY.doc, **_params(BLACK_BODY), "required": ["blackbody"]}
     for kind in KINDS:
         definitions[kind] = _kind(kind, types)
         for doc in types.kinds[kind].values():
@@ -117,6 +118,8 @@ def _params(doc: TypeDoc) -> dict[str, Any]:
 
 def _param(doc: ParamDoc) -> dict[str, Any]:
     options = _values(doc)
+    if is_color(doc):
+        options.append(_ref("blackbody"))
     if doc.texturable:
         options.append(_ref("texture"))
     if not doc.required:
@@ -143,7 +146,7 @@ def _values(doc: ParamDoc) -> list[dict[str, Any]]:
         "numbers": [_tuple(number, doc.columns[0] if doc.columns else 0)],
         "bool": [{"type": "boolean"}],
         "enum": [{"enum": list(doc.choices)}],
-        "text": [{"type": "string"}],
+        "text": [{"enum": list(doc.choices)} if doc.choices else {"type": "string"}],
         "path": [{"type": "string"}],
         "group": [{"type": "string"}],
         "transform": [_ref("transform")],

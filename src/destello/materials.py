@@ -24,10 +24,7 @@ def metal(metal: str, *, name: str | None = None, **params: Any) -> Node:
     Raises:
         SceneError: for another metal, or if a value is not accepted.
     """
-    from destello.metals import eta_k
-
-    eta, k = eta_k(metal)
-    return Node("material", "conductor", {"fresnel": "eta_k", "eta": eta, "k": k, **params}, name=name)
+    return Node("material", "conductor", {"metal": metal, **params}, name=name)
 
 
 __getattr__ = _factories.get

@@ -56,7 +56,7 @@ class Node:
         try:
             check_name(name)
             doc = schema().type(kind, type)
-            checked = _check_params(doc, params or {})
+            checked = _resolved(doc, check_params(doc, params or {}))
             _check_together(kind, type, checked)
         except SceneError as error:
             raise error.within(where) from None
@@ -139,7 +139,8 @@ def _restore(kind: str, type: str, params: dict[str, Any], name: str | None) -> 
     return Node(kind, type, params, name=name)
 
 
-def _check_params(doc: TypeDoc, params: Mapping[str, Any]) -> dict[str, Any]:
+def check_params(doc: TypeDoc, params: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters given, in canonical form and in the declaration's order. Raises SceneError with all problems."""
     checked = {}
     problems: list[SceneError] = []
     for key, value in params.items():
@@ -155,6 +156,20 @@ def _check_params(doc: TypeDoc, params: Mapping[str, Any]) -> dict[str, Any]:
     if problems:
         raise gather(problems) or problems[0]
     return {name: checked[name] for name in doc.params if name in checked}
+
+
+def _resolved(doc: TypeDoc, params: dict[str, Any]) -> dict[str, Any]:
+    """The parameters with a metal's name replaced by what it stands for."""
+    if doc.type != "conductor" or "metal" not in params:
+        return params
+    from destello.metals import eta_k
+
+    both = [name for name in ("fresnel", "eta", "k") if name in params]
+    if both:
+        raise SceneError(f"metal and {both[0]}", place="metal", value=params["metal"], expected="one of them")
+    eta, k = eta_k(params["metal"])
+    made = {**params, "fresnel": "eta_k", "eta": eta, "k": k}
+    return {name: made[name] for name in doc.params if name in made and name != "metal"}
 
 
 def _missing(doc: ParamDoc) -> SceneError:

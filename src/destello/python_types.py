@@ -248,6 +248,10 @@ _MIX = (
     ParamDoc("first", "the material where amount is 0", "material", required=True),
     ParamDoc("second", "the material where amount is 1", "material", required=True),
 )
+METALS = ("aluminium", "brass", "chrome", "copper", "gold", "iron", "nickel", "silver", "titanium")
+_METAL = (
+    ParamDoc("metal", "a measured metal, in place of fresnel, eta and k, which follow from it", "text", choices=METALS),
+)
 _IMAGE = (ParamDoc("image", "the image: a file's path, an array, or an image texture", "image", required=True),)
 
 # Types that only Python has.
@@ -257,7 +261,10 @@ REPLACED = frozenset({"image", "scaled", "vertex_color"})
 # Types of the core that stand for nothing in a scene: tiles are an image whose path has <UDIM>.
 INTERNAL = frozenset({"udim"})
 # Parameters that Python adds in front of a core type's own.
-EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {"material": {"mix": _MIX}, "environment": {"image": _IMAGE}}
+EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {
+    "material": {"mix": _MIX, "conductor": _METAL},
+    "environment": {"image": _IMAGE},
+}
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
     "material": (ParamDoc("medium_volume", "what varies the medium; stands in the shape's own space", "volume"),),
@@ -265,6 +272,15 @@ COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
     "environment": (_TRANSFORM,),
     "camera": (_VIEW,),
 }
+
+# What may stand in place of a colour.
+BLACK_BODY = _type(
+    "color",
+    "a black body",
+    "The colour of a black body, as dl.blackbody gives it.",
+    ParamDoc("blackbody", "its temperature", "scalar", "K", required=True, min=500, max=1e6),
+    ParamDoc("luminance", "of the colour: 0.2126 R + 0.7152 G + 0.0722 B", "scalar", default=1.0, min=0),
+)
 
 FILM = _type(
     "film",

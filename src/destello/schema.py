@@ -29,6 +29,9 @@ KINDS: Mapping[str, str] = MappingProxyType(
     }
 )
 NO_LIMIT = 3.0e38  # the core's word for "no limit" (core/base/param.h)
+NORMALS = frozenset({"normal_map", "geometry_coat_normal"})
+TANGENTS = frozenset({"tangent_map", "geometry_coat_tangent"})
+_NUMBERS = NORMALS | TANGENTS | {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,7 @@ class ParamDoc:
         default: value if not given; None: nothing.
         required: must be given.
         min, max: accepted range of every component, ends included; None: no limit.
-        choices: names that an enum accepts.
+        choices: names that an enum accepts, or a text; any text if empty.
         columns: for numbers, how many; for arrays, the accepted numbers of columns (0: one-dimensional); for voxels, of
             channels.
         dtype: for arrays, NumPy's name of the type kept.
@@ -185,6 +188,11 @@ def core_param(raw: Mapping[str, Any]) -> ParamDoc:
     )
 
 
+def is_color(doc: ParamDoc) -> bool:
+    """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
+    return doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS
+
+
 def required(doc: ParamDoc) -> ParamDoc:
     """The same parameter, without a default."""
     return replace(doc, default=None, required=True)
@@ -222,7 +230,9 @@ _FORMS = {
 
 
 def _form(doc: ParamDoc) -> str:
-    if doc.kind == "enum":
+    if doc.kind == "color" and doc.unit.startswith("W/"):
+        return "3 numbers (linear red, green, blue), one (grey), or {blackbody: kelvin}"
+    if doc.choices:
         return " or ".join(doc.choices)
     if doc.kind == "numbers":
         return f"{doc.columns[0]} numbers"

@@ -45,7 +45,7 @@ def _image_textures(scene: Scene, assets: Assets, place: str) -> Iterator[tuple[
 def _texels(texture: Node, assets: Assets) -> Iterator[tuple[str, NDArray[Any]]]:
     path = texture["path"]
     if path is None:
-        yield texture.name or "an array", texture["pixels"]
+        yield texture.name or "an array", assets.array(texture, "an array")
     elif MARK in path:
         tiles = read_tiles(assets, path, path)
         yield from ((path, tile) for tile in (tiles.texels if tiles else ()) if tile is not None)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 from destello.animation import Animation
 from destello.errors import SceneError, did_you_mean
-from destello.schema import ParamDoc
+from destello.schema import ParamDoc, is_color
 from destello.transform import Transform
 
 if TYPE_CHECKING:
@@ -93,9 +94,31 @@ def _tuple(doc: ParamDoc, value: Any, count: int) -> tuple[float, ...]:
 
 
 def _color(doc: ParamDoc, value: Any) -> tuple[float, ...]:
+    if is_color(doc) and means_black_body(value):
+        value = _black_body(value)
     if hasattr(value, "__float__") and not hasattr(value, "__len__"):
         return (_number(doc, value),) * 3
     return _tuple(doc, value, 3)
+
+
+def means_black_body(value: Any) -> bool:
+    """Whether a value in place of a colour is a black body's mapping, or one with a slip in it."""
+    words = ("blackbody", "luminance", "temperature", "kelvin")
+    return (
+        isinstance(value, Mapping)
+        and "type" not in value
+        and any(get_close_matches(str(key).lower(), words, n=1, cutoff=0.7) for key in value)
+    )
+
+
+def _black_body(value: Mapping[str, Any]) -> tuple[float, ...]:
+    """The colour that `destello.blackbody` gives for a mapping of its arguments."""
+    from destello.nodes import check_params
+    from destello.python_types import BLACK_BODY
+    from destello.spectrum import blackbody
+
+    given = check_params(BLACK_BODY, value)
+    return blackbody(given["blackbody"], given.get("luminance", 1.0))
 
 
 def _vector(doc: ParamDoc, value: Any) -> tuple[float, ...]:
@@ -121,7 +144,7 @@ def _enum(doc: ParamDoc, value: Any) -> str:
 def _text(doc: ParamDoc, value: Any) -> str:
     if not isinstance(value, str) or not value or "\0" in value:
         raise wrong(doc, value)
-    return value
+    return _enum(doc, value) if doc.choices else value
 
 
 def _path(doc: ParamDoc, value: Any) -> str:
@@ -171,9 +194,8 @@ def _texels(doc: ParamDoc, value: Any) -> NDArray[Any]:
         raise wrong(doc, value, f"wrong shape {tuple(array.shape)}")
     if array.dtype.kind == "f":
         if array.dtype != np.dtype(np.float16):
-            array = array.astype(np.float32, copy=False)
-        if not np.isfinite(array).all():
-            raise wrong(doc, value, "texels that are not finite")
+            with np.errstate(over="ignore"):
+                array = array.astype(np.float32, copy=False)
     elif array.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
         raise wrong(doc, value, f"wrong kind of texels ({array.dtype})")
     return _keep(np.ascontiguousarray(array))

@@ -131,6 +131,32 @@ def test_what_is_no_number_is_counted_and_black() -> None:
     assert (array[0, 0].max(), array[3, 7].min() > 0.1) == (0, True)
 
 
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_arrays_are_repaired_as_files_are(kind: type) -> None:
+    """From a scene file's .npz, in Python, and around a scene."""
+    texels = np.full((4, 4, 3), 0.5, kind)
+    texels[0, 0], texels[1, 1, 0] = np.nan, -np.inf
+    np.savez("n.npz", pixels=texels)
+    file = scene(
+        "{type: emissive, radiance: {type: image, data: n.npz, color_space: linear, filter: nearest, name: n}}"
+    )
+    done = render(file)
+    note = "n: 4 values are infinite or not numbers: they count as 0"
+    assert (done.exit_code, done.stderr.count(note)) == (0, 1)
+    assert run("info", file).stdout.count(f"note         {note}") == 1
+    array = dl.Image.load("o.png").array
+    assert np.isfinite(array).all()
+    assert (array[0, 0].max(), array[3, 7].min() > 0.1) == (0, True)
+    dl.load(file).save("again.yaml")
+    assert dl.load("again.yaml") == dl.load(file)
+
+    sky = dl.Scene()
+    sky.environment = dl.environments.image(image=texels)
+    made = dl.render(sky, size=(8, 4), spp=1, device="cpu", progress=False)
+    assert np.isfinite(made.array).all()
+    assert "environment.image: 4 values are infinite or not numbers: they count as 0" in sky.compile().notes
+
+
 def test_an_environment_by_its_path() -> None:
     """In place of an image texture its path will do, as the parameter says; a missing one is told."""
     write_image(Path("sky.exr"), np.full((4, 8, 3), 0.5, np.float32))

@@ -14,7 +14,7 @@ import destello as dl
 from destello.errors import FormatError
 from destello.io._gltf_layers import single_scatter_albedo
 from destello.nodes import Node
-from gltf_scenes import material_of, scene_with
+from gltf_scenes import material_of, picture, scene_with
 from scene_files import Gltf, corner_image, encode_image
 
 
@@ -135,6 +135,13 @@ def test_iridescence(tmp_path: Path) -> None:
     node = layered(tmp_path, iridescence=film)
     assert (node["thin_film_weight"], node["thin_film_ior"]) == (0.5, 1.33)
     assert node["thin_film_thickness"] == pytest.approx(0.55)
+    g = Gltf()
+    scene = scene_with(
+        g, tmp_path, extensions={"KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceIor": 4}}
+    )
+    assert scene.shapes[0]["material"]["thin_film_ior"] == 3
+    place = "materials[0].extensions.KHR_materials_iridescence.iridescenceIor"
+    assert f"{place}: 4 counts as 3, the most that a film can have" in scene.notes
     for low, high in ((200, 800), (800, 200)):
         g = Gltf()
         index = g.texture(encode_image(corner_image(), ".png", tmp_path))
@@ -320,14 +327,6 @@ def test_out_of_range(name: str, values: dict[str, Any], tmp_path: Path) -> None
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------
-
-
-def picture(material: Node, *, spp: int = 256) -> np.ndarray:
-    scene = dl.Scene()
-    scene.environment = dl.environments.gradient(bottom=0.2, top=(0.6, 0.8, 1))
-    scene.camera = dl.cameras.perspective(origin=(0, 0, 4), target=(0, 0, 0), vfov=25)
-    scene.add(dl.shapes.sphere(center=(0, 0, 0), radius=0.7, material=material))
-    return dl.render(scene, size=(16, 16), spp=spp, device="cpu", progress=False).array
 
 
 def test_a_leaf_in_even_light_shows_its_colours(tmp_path: Path) -> None:

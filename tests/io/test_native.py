@@ -113,7 +113,7 @@ class AnyScene:
             "array": lambda: self.array(doc),
             "texels": self.texels,
             "voxels": lambda: self.voxels(doc),
-            "text": lambda: self.rng.choice(["density", "größe 1", "- x: y"]),
+            "text": lambda: self.rng.choice(doc.choices or ["density", "größe 1", "- x: y"]),
             "volume": lambda: self.node("volume", 0),
             "transform": self.transform,
             "animation": lambda: self.animation("translate", "rotate", "scale"),
@@ -147,6 +147,8 @@ class AnyScene:
         if doc.kind == "shape" and doc.type == "box":
             params["min"] = [v / 4 for v in params["min"]]
             params["max"] = [v + max(1.0, abs(v)) for v in params["min"]]
+        if "metal" in params:
+            params.update(fresnel=None, eta=None, k=None)
         if doc.type == "sphere":
             params["radius"] = params["radius"] or -2.5
         if "animation" in params:

@@ -60,7 +60,7 @@ BAD: list[tuple[str, int | None, str | None, str]] = [
     ("environment: {type: constant, radiance: -1}", 1, "environment.radiance", "out of range"),
     ("groups:\n  g:\n  - {type: instance, group: g}", 3, "groups.g[0]", "cannot be in a group"),
     ("lights:\n- {type: point, name: 3}", 2, "lights[0]", "not a name"),
-    ("lights:\n- {type: point, data: x.npz}", 2, "lights[0].data", "missing"),
+    ("lights:\n- {type: point, data: x.npz}", 2, "lights[0].data", "has no arrays"),
     ("shapes: [\n", None, None, "broken YAML"),
     ("a: 1\na: 2", 2, None, "twice"),
     ("a: !!python/object/apply:os.system ['ls']", 1, None, "YAML tag"),
@@ -155,3 +155,33 @@ def test_external_files(tmp_path: Path) -> None:
         assert caught.value.place == "textures.a.path"
         assert caught.value.file == str(path)
         dl.load(path, allow_external=True)
+
+
+@pytest.mark.parametrize(
+    ("broken", "place", "said"),
+    [
+        ("shapes: [{type: mesh, data: a.npz, normls: 1}]", "shapes[0].normls", "did you mean 'normals'"),
+        ("textures: {t: {type: imge, path: b.png}}", "textures.t.type", "did you mean 'image'"),
+        ("materials: {n: {type: diffuse, reflectanc: {type: image, path: b.png}}}", "materials.n.reflectanc", "did"),
+        ("shapes: [{type: mesh_file, path: c.ply, material: gone}]", "shapes[0].material", "no material of this name"),
+        ("shapes: [{type: mesh_file, path: c.ply}, {type: instance, group: gone}]", "shapes[1].group", "unknown group"),
+    ],
+)  # fmt: skip
+def test_missing_files_do_not_hide_what_else_is_wrong(broken: str, place: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(f"environment: {{type: image, image: {{type: image, path: x.png}}}}\n{broken}\n")
+    with pytest.raises(SceneError) as caught:
+        dl.load(path)
+    assert [problem.place for problem in caught.value.problems] == [place]
+    assert said in str(caught.value)
+
+
+def test_missing_arrays_are_told_with_all_other_missing_files(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("shapes: [{type: mesh, data: a.npz}, {type: mesh_file, path: b.ply}]")
+    with pytest.raises(MissingFileError) as caught:
+        dl.load(path)
+    assert sorted(caught.value.paths) == ["a.npz", "b.ply"]
+    with pytest.raises(MissingFileError) as caught:
+        dl.load(path, allow_missing=True)
+    assert caught.value.paths == ["a.npz"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,6 +23,42 @@ def blender_material(folder: Path, lines: str, *, header: str = BLENDER) -> Node
     material = shape["material"]
     assert isinstance(material, Node)
     return material
+
+
+def notes(folder: Path) -> list[str]:
+    return obj.load(folder / "scene.obj", LoadOptions(complete=False)).notes
+
+
+@pytest.mark.parametrize(
+    ("line", "said", "param", "value"),
+    [
+        ("Kd 2 0.5 -1", "Kd 2 0.5 -1 counts as 1 0.5 0 (accepted: 0 to 1)", "reflectance", (1, 0.5, 0)),
+        ("Kd 1 1 1\nPr 5", "Pr 5 counts as 1 (accepted: 0 to 1)", "roughness", 1),
+        ("Pm -0.5", "Pm -0.5 counts as 0 (accepted: 0 to 1)", "metallic", 0),
+        ("Pc 3", "Pc 3 counts as 1 (accepted: 0 to 1)", "coat_weight", 1),
+        ("Ke -1 2 3", "Ke -1 2 3 counts as 0 2 3 (accepted: at least 0)", "emission", (0, 2, 3)),
+        ("Tr 1.5", "Tr 1.5 counts as 1 (accepted: 0 to 1)", "opacity", 0),
+        ("d -halo 2", "d 2 counts as 1 (accepted: 0 to 1)", "opacity", 1),
+        ("illum 7\nTf 3 1 1", "Tf 3 1 1 counts as 1 1 1 (accepted: 0 to 1)", "tint", (1, 1, 1)),
+        ("illum 7\nNi 0", "Ni 0 counts as 1.5 (accepted: above 0)", "ior", 1.5),
+        ("illum 3\nKd 0 0 0\nKs 2 1 1", "Ks 2 1 1 counts as 1 1 1 (accepted: 0 to 1)", "reflectance", (1, 1, 1)),
+        ("Ks 1 1 1\nillum 99", "illum 99 counts as 2 (accepted: 0 to 10)", "specular_color", (2, 2, 2)),
+        ("illum 6.5", "illum 6.5 counts as 2 (accepted: 0 to 10)", "roughness", 0),
+        ("Ks 1 1 1\nNs -3", "Ns -3 counts as 0 (accepted: at least 0)", "roughness", 1),
+    ],
+)
+def test_values_out_of_range_are_told(line: str, said: str, param: str, value: Any, tmp_path: Path) -> None:
+    node = blender_material(tmp_path, line, header="# by hand")
+    assert node[param] == value
+    assert notes(tmp_path) == [f"scene.mtl:{3 + line.count(chr(10))}: newmtl m: {said}"]
+
+
+def test_values_out_of_range_are_told_once_a_keyword(tmp_path: Path) -> None:
+    blender_material(tmp_path, "Kd 2 2 2\nPr 5\nnewmtl n\nKd 3 0 0\nnewmtl o\nKd 0 0 7\nPr 0.5", header="# by hand")
+    assert notes(tmp_path) == [
+        "scene.mtl:3: newmtl m: Kd 2 2 2 counts as 1 1 1 (accepted: 0 to 1); 2 more",
+        "scene.mtl:4: newmtl m: Pr 5 counts as 1 (accepted: 0 to 1)",
+    ]
 
 
 @pytest.mark.parametrize(("exponent", "roughness"), [(250, 0.5), (1000, 0), (0, 1), (640, 0.2)])
@@ -50,6 +87,9 @@ def test_blender_bump_is_a_normal_map_and_others_are_not(tmp_path: Path) -> None
         0.5,
     )
     assert blender_material(tmp_path, lines, header="# Maya").params.get("normal_map") is None
+    assert notes(tmp_path) == [
+        "scene.mtl:6: newmtl m: map_bump is left out: MTL has no unit of height (accepted: norm, a normal map)"
+    ]
 
 
 def test_glass_of_other_programs_stays_glass(tmp_path: Path) -> None:

@@ -110,6 +110,22 @@ def test_defaults_are_colours_too():
     assert np.ptp(seen(scene)) > 0.1
 
 
+@pytest.mark.parametrize("kind", ["dielectric", "openpbr"])
+@pytest.mark.parametrize("way", [0.5, 1.0])
+def test_absorption_keeps_its_colour(kind, way):
+    """What is left of white light behind a slab, by rates or by a colour at a depth, near which both are the same."""
+    left = np.array((0.3, 0.7, 0.4))
+    if kind == "dielectric":
+        inside = dl.materials.dielectric(ior=1, medium_absorption=-np.log(left))
+    else:
+        glass = {"specular_ior": 1, "specular_roughness": 0, "transmission_weight": 1}
+        inside = dl.materials.openpbr(**glass, transmission_color=left, transmission_depth=1)
+    scene = lit(1.0, depth=8)
+    scene.shapes[0] = dl.shapes.box(min=(-2, -2, -way), max=(2, 2, 0), material=inside)
+    np.testing.assert_allclose(seen(scene), left**way, rtol=2e-3)
+    np.testing.assert_allclose(seen(scene, working_space="acescg"), left**way, atol=0.035)
+
+
 def test_albedo_comes_back():
     image = dl.render(lit(GREEN), size=(8, 8), spp=4, progress=False, aov="albedo", working_space="acescg")
     np.testing.assert_allclose(image.aovs["albedo"][4, 4], GREEN, rtol=1e-3, atol=1e-4)

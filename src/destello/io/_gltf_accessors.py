@@ -81,11 +81,19 @@ class Buffers:
         """The bytes of a buffer view, decompressed if need be."""
         for name in MESHOPT:
             packed = item.extension(name)
-            if packed is not None and can_decode(item, self.document, name, "almeshopt"):
+            if packed is None:
+                continue
+            if can_decode(item, self.document, name, "almeshopt", plain=self._has_data(item)):
                 if item.index not in self._views:
                     self._views[item.index] = memoryview(decode_meshopt(packed, bytes(self._slice(packed))))
                 return self._views[item.index]
         return self._slice(item)
+
+    def _has_data(self, view: Item) -> bool:
+        """Whether the buffer of a view has data; one that stands for decompressed bytes need not."""
+        buffer = self.document.refer(view, "buffer", "buffers", required=True)
+        assert buffer is not None
+        return "uri" in buffer or (buffer.index == 0 and self._binary is not None)
 
     def _slice(self, item: Item) -> memoryview:
         buffer = self.document.refer(item, "buffer", "buffers", required=True)

@@ -72,8 +72,8 @@ class Layers:
         )
         if any(self._factor(name, key) > 0 for name, key in strengths):
             return True
-        scatters = transmission != 0.0 and any(self._scatter_color()) and self._thick()
-        return scatters or any(self._sheen_color())
+        refracts = transmission != 0.0 and self._thick()
+        return (refracts and (any(self._scatter_color()) or self._tinted())) or any(self._sheen_color())
 
     def params(self, core: dict[str, Value], transmission: Value) -> dict[str, Value]:
         """OpenPBR's parameters, from those of `metallic_roughness` (with the transmission apart) and the extensions."""
@@ -84,7 +84,8 @@ class Layers:
             "specular_ior": min(core["ior"], _MOST_IOR),
         }
         if core["metallic"] != 1.0:  # OpenPBR's strength and colour would act on metal, too, and glTF's do not
-            made |= self._specular(core["ior"])
+            refracts = transmission != 0.0 and self._thick()
+            made |= self._reflection(core["ior"]) if refracts else self._specular(core["ior"])
         made |= self._coat() | self._fuzz() | self._film() | self._anisotropy(core["roughness"])
         if transmission != 0.0:
             made |= self._transmission(core["base_color"], transmission)
@@ -93,8 +94,7 @@ class Layers:
     def _specular(self, ior: float) -> dict[str, Value]:
         """Strength and colour head-on. What exceeds the ranges of index and colour goes into the strength."""
         found = self._item.extension("KHR_materials_specular") or Item({}, self._item.file, self._item.place)
-        strength = found.number("specularFactor", 1.0, low=0, high=1)
-        color = found.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0), low=0)
+        strength, color = self._specular_factors(found)
         most = max(1.0, *color)
         strength *= most * head_on(ior) / head_on(min(ior, _MOST_IOR))
         made = {
@@ -104,6 +104,40 @@ class Layers:
             ),
         }
         return {name: value for name, value in made.items() if value not in (1.0, (1.0, 1.0, 1.0))}
+
+    def _tinted(self) -> bool:
+        """Whether KHR_materials_specular changes what an index of refraction reflects."""
+        found = self._item.extension("KHR_materials_specular")
+        return found is not None and (
+            "specularTexture" in found
+            or "specularColorTexture" in found
+            or self._specular_factors(found) != (1.0, (1.0, 1.0, 1.0))
+        )
+
+    @staticmethod
+    def _specular_factors(found: Item) -> tuple[float, tuple[float, ...]]:
+        strength = found.number("specularFactor", 1.0, low=0, high=1)
+        return strength, found.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0), low=0)
+
+    def _reflection(self, ior: float) -> dict[str, Value]:
+        """Strength and colour of what refracts, as a colour: OpenPBR's weight is another index, which bends light."""
+        made: dict[str, Value] = {}
+        if ior > _MOST_IOR:
+            made["specular_weight"] = head_on(ior) / head_on(_MOST_IOR)
+        found = self._item.extension("KHR_materials_specular")
+        if found is None:
+            return made
+        strength, color = self._specular_factors(found)
+        if max(color) * strength > 1:
+            self._note(f"{found.at('specularColorFactor')}: glass that refracts reflects no more than its index does")
+        tint = tuple(min(strength * c, 1.0) for c in color)
+        image = self._texture(found, "specularColorTexture", "srgb")
+        if image is None:
+            image = self._remap(found, "specularTexture", "a", Line(1.0, 0.0))
+        elif "specularTexture" in found:
+            self._note(f"{found.at('specularTexture')}: left out beside specularColorTexture on glass that refracts")
+        value = slot(tint, image)
+        return made if value == (1.0, 1.0, 1.0) else made | {"specular_color": value}
 
     # --- layers -------------------------------------------------------------------------------------------------------
 
@@ -158,10 +192,15 @@ class Layers:
         if "iridescenceThicknessTexture" in film and most > 0:
             image = self._remap(film, "iridescenceThicknessTexture", "g", Line((high - low) / most, low / most))
             thickness = thickness if image is None else slot(most * 1e-3, image)
+        index = film.number("iridescenceIor", 1.3, low=1)
+        if index > _MOST_FILM_IOR:
+            self._note(
+                f"{film.at('iridescenceIor')}: {index:g} counts as {_MOST_FILM_IOR:g}, the most that a film can have"
+            )
         return {
             "thin_film_weight": slot(factor, self._texture(film, "iridescenceTexture", "linear")),
             "thin_film_thickness": thickness,
-            "thin_film_ior": min(film.number("iridescenceIor", 1.3, low=1), _MOST_FILM_IOR),
+            "thin_film_ior": min(index, _MOST_FILM_IOR),
         }
 
     def _anisotropy(self, roughness: Value) -> dict[str, Value]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 import destello.materials as make
-from destello.errors import Error
+from destello.errors import Error, gather
 from destello.io import _gltf_glossiness as glossiness
 from destello.io import _gltf_layers as layers
 from destello.io._gltf_json import Document, Item
@@ -55,6 +55,26 @@ _BY_TANGENTS = (  # with the normal map
 )
 
 
+_MEMBERS = {  # what a parameter that is out of range is called in the file
+    **dict.fromkeys(("base_color", "tint", "radiance", "opacity"), "pbrMetallicRoughness.baseColorFactor"),
+    "transmission_color": "pbrMetallicRoughness.baseColorFactor",
+    **dict.fromkeys(("roughness", "specular_roughness"), "pbrMetallicRoughness.roughnessFactor"),
+    **dict.fromkeys(("metallic", "base_metalness"), "pbrMetallicRoughness.metallicFactor"),
+    "emission": "emissiveFactor",
+    "normal_scale": "normalTexture.scale",
+    "ior": "extensions.KHR_materials_ior.ior",
+    "specular_color": "extensions.KHR_materials_specular.specularColorFactor",
+    "subsurface_color": "extensions.KHR_materials_diffuse_transmission.diffuseTransmissionColorFactor",
+    "medium_absorption": "extensions.KHR_materials_volume.attenuationDistance",
+    "thin_film_thickness": "extensions.KHR_materials_iridescence.iridescenceThicknessMaximum",
+    "geometry_coat_normal_scale": "extensions.KHR_materials_clearcoat.clearcoatNormalTexture.scale",
+}
+_OLD_MEMBERS = _MEMBERS | {
+    "base_color": f"extensions.{glossiness.EXTENSION}.diffuseFactor",
+    "specular_color": f"extensions.{glossiness.EXTENSION}.specularFactor",
+}
+
+
 class Materials:
     """Makes each material of a document once for meshes with vertex colours and once for those without."""
 
@@ -81,7 +101,7 @@ class Materials:
             try:
                 self._made[key] = self._convert(source, colored)
             except Error as error:
-                raise error if error.file else error.within(source.place, file=source.file) from None
+                raise error if error.file else _in_file(error, source) from None
         return self._made[key]
 
     def uv_sets(self, item: Item | None) -> tuple[int | None, int | None]:
@@ -212,6 +232,17 @@ class Materials:
     def _remapped(self, item: Item, key: str, channel: str, curve: Curve) -> Node | None:
         info = item.item(key)
         return None if info is None else self._images.remapped(info, channel, curve)
+
+
+def _in_file(error: Error, item: Item) -> Error:
+    """What is wrong with a node's parameters as errors at the file's members."""
+    members = _OLD_MEMBERS if item.extension(glossiness.EXTENSION) is not None else _MEMBERS
+    problems = []
+    for problem in error.problems:
+        place = problem.place or ""
+        member = members.get(place.rpartition(".")[2], place)
+        problems.append(item.error(problem.problem, member, value=problem.value, expected=problem.expected))
+    return gather(problems) or error
 
 
 def _texture_infos(item: Item) -> list[Item]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from destello.errors import InputError, MissingFileError, SceneError, did_you_mean, gather, join_place
 from destello.files import ResolvedFiles
 from destello.io._arrays_file import read_arrays
-from destello.nodes import DEEPEST, Node
+from destello.nodes import DEEPEST, Node, check_params
 from destello.scene import Group, Scene
-from destello.schema import KINDS, ParamDoc, schema
+from destello.schema import KINDS, ParamDoc, TypeDoc, is_color, schema
 from destello.settings import FilmSettings, RenderSettings, Settings
+from destello.values import means_black_body
 
 VERSION = 1
 SECTIONS = (
@@ -27,7 +29,7 @@ def read_scene(document: Any, files: ResolvedFiles) -> Scene:
 
 
 class _AlreadyReported(SceneError):
-    """A named material or texture that is broken is used; what is wrong with it was said where it stands."""
+    """A named material or texture that is broken is used, or a file is missing: what is wrong is said elsewhere."""
 
 
 class _Reader:
@@ -41,12 +43,12 @@ class _Reader:
         self._reading: list[tuple[str, str]] = []
         self._broken: set[tuple[str, str]] = set()
         self._inline: dict[tuple[int, str], Node] = {}  # by id: an alias gives the same node again
+        self._no_arrays: list[str] = []  # missing files of arrays, for which nothing can stand in
 
     def scene(self) -> Scene:
         version = self._document.get("destello", VERSION)
         if version != VERSION or isinstance(version, bool):
             raise SceneError("unknown version of the format", place="destello", value=version, expected=f"{VERSION}")
-        self._check_files()
         scene = Scene()
         scene.name = self._name(self._document.get("name"))
         for section, kind in (("textures", "texture"), ("materials", "material")):
@@ -67,7 +69,9 @@ class _Reader:
         error = gather(self._problems)
         if error is not None:
             raise error
-        scene.validate()
+        if not self._no_arrays:  # else shapes are left out
+            scene.validate()
+        self._check_files()
         return scene
 
     # --- sections -----------------------------------------------------------------------------------------------------
@@ -190,7 +194,11 @@ class _Reader:
                 problems.append(error)
         if data.get("data") is not None:
             arrays = {p.name for p in doc.params.values() if p.kind in ("array", "texels", "voxels")}
-            params.update(self._arrays(data["data"], arrays, join_place(place, "data"), params))
+            try:
+                params.update(self._arrays(data["data"], arrays, join_place(place, "data"), params))
+            except _AlreadyReported as error:
+                problems.extend(_unknown_params(doc, params, place))
+                known = error
         found = gather(problems) or known
         if found is not None:
             raise found
@@ -204,6 +212,8 @@ class _Reader:
             return value  # a path
         if doc.kind in _NODE_KINDS:
             return self._node("texture" if doc.kind == "image" else doc.kind, value, place)
+        if is_color(doc) and means_black_body(value):
+            return value
         if isinstance(value, dict) and doc.kind in ("scalar", "color", "vector", "bool", "enum"):
             return self._node("texture", value, place)
         if isinstance(value, str) and doc.texturable:
@@ -217,9 +227,12 @@ class _Reader:
     def _arrays(self, path: Any, known: set[str], place: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if not known:
             raise SceneError("has no arrays", place=place, value=path, expected="nothing")
-        found = self._files.find(path, place) if isinstance(path, str) else None
-        if found is None:
+        if not isinstance(path, str):
             raise SceneError("not the path of an array file", place=place, value=path, expected="a .npz file")
+        found = self._files.find(path, place)
+        if found is None:
+            self._no_arrays.append(path)
+            raise _AlreadyReported(f"{path} is missing")
         try:
             arrays = read_arrays(found, known)
         except InputError as error:
@@ -231,17 +244,24 @@ class _Reader:
 
     def _check_files(self) -> None:
         """Finds every file that the document names, so that all missing ones are reported at once."""
-        needed = []
-        for place, path, is_data in _paths(self._document, "", set()):
-            if self._files.find_any(path, place) is None and is_data:
-                needed.append(path)
+        for place, path in _paths(self._document, "", set()):
+            self._files.find_any(path, place)
         self._files.finish()
-        if needed:
-            raise MissingFileError(needed, file=self._files.scene_file, expected="the arrays of the scene")
+        if self._no_arrays:
+            raise MissingFileError(self._no_arrays, file=self._files.scene_file, expected="the arrays of the scene")
 
 
-def _paths(data: Any, place: str, seen: set[int]) -> Iterator[tuple[str, str, bool]]:
-    """Place and path of all files that nodes name; whether it is a file of arrays, for which nothing can stand in."""
+def _unknown_params(doc: TypeDoc, params: Mapping[str, Any], place: str) -> Iterator[SceneError]:
+    """What is wrong with the parameters given, of a node that cannot be made: its arrays are missing."""
+    try:
+        optional = {name: replace(param, required=False) for name, param in doc.params.items()}
+        check_params(replace(doc, params=optional), params)
+    except SceneError as error:
+        yield from (p.within(place) for p in error.problems if isinstance(p, SceneError))
+
+
+def _paths(data: Any, place: str, seen: set[int]) -> Iterator[tuple[str, str]]:
+    """Place and path of all files that nodes name."""
     if not isinstance(data, (dict, list)) or id(data) in seen:
         return
     seen.add(id(data))
@@ -249,7 +269,7 @@ def _paths(data: Any, place: str, seen: set[int]) -> Iterator[tuple[str, str, bo
     for key, value in pairs:
         here = join_place(place, key if isinstance(key, str) else f"[{key}]")
         if isinstance(value, str) and key in ("path", "data") and isinstance(data, dict) and "type" in data:
-            yield here, value, key == "data"
+            yield here, value
         else:
             yield from _paths(value, here, seen)
 

@@ -14,6 +14,7 @@ Decisions where the format leaves room:
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,12 +30,18 @@ _COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
 _MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
 _BLENDER_NORMAL = "map_bump"
+_HEIGHTS = ("bump", "map_bump")  # of no unit
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
 _WORDS = ("-clamp", "-blendu", "-blendv", "-imfchan", "-type", "-cc")
 _CHANNELS = {"r": "r", "g": "g", "b": "b", "m": "a", "l": "mean", "z": "mean"}
 _GLASS, _MIRROR, _MATTE = (4, 6, 7, 9), (3, 5, 8), (0, 1)
 _BLENDER_METAL, _BLENDER_CLEAR = (3, 6), (6, 9)
+_ACCEPTED = {  # least and most
+    **dict.fromkeys(("kd", "ks", "tf", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso"), (0.0, 1.0)),
+    **dict.fromkeys(("ke", "ns"), (0.0, math.inf)),
+}
+_ILLUMS, _DEFAULT_ILLUM, _DEFAULT_INDEX = range(11), 2.0, 1.5
 
 Value = Any  # a number, three numbers or a texture node
 
@@ -62,8 +69,8 @@ class Material:
     blender: bool = False
 
 
-def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter[str]]:
-    """The materials of an MTL file, and how often statements were not understood. Raises FormatError.
+def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter[str], list[str]]:
+    """The materials of an MTL file, how often statements were not understood, what else to say. Raises FormatError.
 
     `folder`: the file's directory relative to the scene's, "" if it is the same; map paths are prefixed with it.
     """
@@ -74,7 +81,7 @@ def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter
             parser.blender = True
         if words and not words[0].startswith("#"):
             parser.statement(words[0].lower(), words[1:], printable(line), number)
-    return parser.materials, parser.ignored
+    return parser.materials, parser.ignored, parser.notes()
 
 
 class _Parser:
@@ -84,6 +91,33 @@ class _Parser:
         self.blender = False
         self.materials: list[Material] = []
         self.ignored: Counter[str] = Counter()
+        self._said: dict[str, str] = {}  # by keyword: what was the matter with it first
+        self._times: Counter[str] = Counter()
+
+    def notes(self) -> list[str]:
+        """What was not taken as it stands, once for each keyword."""
+        more = {keyword: count - 1 for keyword, count in self._times.items()}
+        return [text + (f"; {more[keyword]} more" if more[keyword] else "") for keyword, text in self._said.items()]
+
+    def _say(self, keyword: str, line: int, text: str) -> None:
+        name = self.materials[-1].name
+        self._said.setdefault(keyword, f"{self.file.name}:{line}: newmtl {name}: {text}")
+        self._times[keyword] += 1
+
+    def _accepted(self, keyword: str, values: list[float], line: int) -> list[float]:
+        """The values in their range."""
+        if keyword == "illum":
+            made, known = [v if v in _ILLUMS else _DEFAULT_ILLUM for v in values], f"0 to {_ILLUMS[-1]}"
+        elif keyword == "ni":
+            made, known = [v if v > 0 else _DEFAULT_INDEX for v in values], "above 0"
+        else:
+            low, high = _ACCEPTED.get(keyword, (-math.inf, math.inf))
+            made = [min(max(v, low), high) for v in values]
+            known = f"{low:g} to {high:g}" if high < math.inf else f"at least {low:g}"
+        if made != values:
+            was, counts = (" ".join(f"{v:g}" for v in numbers) for numbers in (values, made))
+            self._say(keyword, line, f"{_spelled(keyword)} {was} counts as {counts} (accepted: {known})")
+        return made
 
     def statement(self, keyword: str, words: list[str], line: str, number: int) -> None:
         """Takes in one line."""
@@ -95,17 +129,22 @@ class _Parser:
             raise FormatError(f"{keyword} before the first newmtl", file=self.file, line=number, expected="newmtl")
         material = self.materials[-1]
         if keyword in _COLORS and words[:1] not in (["spectral"], ["xyz"]):
-            red, *others = self._numbers(keyword, words, number, (1, 3))
+            red, *others = self._accepted(keyword, self._numbers(keyword, words, number, (1, 3)), number)
             material.colors[keyword] = (red, others[0], others[1]) if others else (red, red, red)
         elif keyword in _NUMBERS:
-            value = self._numbers(keyword, words[1:] if words[:1] == ["-halo"] else words, number, (1,))[0]
+            values = self._numbers(keyword, words[1:] if words[:1] == ["-halo"] else words, number, (1,))
+            (value,) = self._accepted(keyword, values, number)
             material.numbers[keyword] = value
             if keyword in ("d", "tr"):
-                material.opacity = min(max(value if keyword == "d" else 1.0 - value, 0.0), 1.0)
+                material.opacity = value if keyword == "d" else 1.0 - value
         elif keyword in _MAPS:
             material.maps[keyword] = self._map(words, line, number)
         elif keyword == _BLENDER_NORMAL and material.blender:
             material.maps["norm"] = self._map(words, line, number)
+        elif keyword in _HEIGHTS:
+            self._say(
+                "bump", number, f"{keyword} is left out: MTL has no unit of height (accepted: norm, a normal map)"
+            )
         elif keyword not in _UNSEEN:
             self.ignored[keyword[:20]] += 1
 
@@ -148,6 +187,11 @@ class _Parser:
         return found
 
 
+def _spelled(keyword: str) -> str:
+    """As MTL writes it."""
+    return keyword if keyword in ("d", "illum", "aniso") else keyword.capitalize()
+
+
 def _is_number(word: str) -> bool:
     try:
         float(word)
@@ -172,11 +216,11 @@ def convert(material: Material, file: Path) -> Node:
 
 def _convert(material: Material) -> Node:
     numbers, maps, name = material.numbers, material.maps, material.name or None
-    illum = int(numbers.get("illum", 2))
-    base = _color(material, "kd", (0.6, 0.6, 0.6) if "map_kd" not in maps else (1.0, 1.0, 1.0), limit=1.0)
+    illum = numbers.get("illum", _DEFAULT_ILLUM)
+    base = _color(material, "kd", (0.6, 0.6, 0.6) if "map_kd" not in maps else (1.0, 1.0, 1.0))
     glass = illum in _GLASS and not (material.blender and illum in _BLENDER_CLEAR)
     surface = _surface(material, glass=glass)
-    ks = tuple(min(max(k, 0.0), 1.0) for k in material.colors.get("ks", (0.0, 0.0, 0.0)))
+    ks = material.colors.get("ks", (0.0, 0.0, 0.0))
     layers = _layers(material)
     if layers:
         core = {"base_color": base, "base_metalness": _number(material, "pm", 0.0)}
@@ -190,10 +234,9 @@ def _convert(material: Material) -> Node:
         roughness = _roughness(material)
         return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
     if glass:
-        ior = numbers.get("ni", 1.5)
-        tint = tuple(min(max(t, 0.0), 1.0) for t in material.colors.get("tf", (1.0, 1.0, 1.0)))
+        ior, tint = numbers.get("ni", _DEFAULT_INDEX), material.colors.get("tf", (1.0, 1.0, 1.0))
         roughness = 0.0 if "ns" not in numbers else _smooth(_roughness(material))
-        return make.dielectric(ior=ior if ior > 0 else 1.5, tint=tint, roughness=roughness, name=name, **surface)
+        return make.dielectric(ior=ior, tint=tint, roughness=roughness, name=name, **surface)
     if illum in _MIRROR and any(ks):
         return _mirror(material, base, ks, surface, name)
     if illum in _MATTE or not any(ks):
@@ -216,9 +259,9 @@ def _mirror(
     shine = _smooth(_roughness(material)) if "ns" in material.numbers else 0.0
     textured = isinstance(base, Node)
     kd = max(material.colors.get("kd", (0.0, 0.0, 0.0)))
-    if kd <= 0 and not textured:
+    if kd == 0 and not textured:
         return make.conductor(reflectance=ks, fresnel="none", roughness=shine, name=name, **surface)
-    share = max(ks) / (max(ks) + min(kd, 1.0)) if kd > 0 else max(ks)
+    share = max(ks) / (max(ks) + kd) if kd > 0 else max(ks)
     mirror = make.conductor(
         reflectance=tuple(min(k / share, 1.0) for k in ks), fresnel="none", roughness=shine, **surface
     )
@@ -260,8 +303,8 @@ def _layers(material: Material) -> dict[str, Value]:
 def _roughness(material: Material) -> float:
     """From Ns: Blender's own formula, else that of a Phong lobe as wide."""
     if material.blender:
-        return float(1.0 - (min(max(material.numbers.get("ns", 250.0), 0.0), 1000.0) / 1000.0) ** 0.5)
-    return float((2.0 / (max(material.numbers.get("ns", 10.0), 0.0) + 2.0)) ** 0.25)
+        return float(1.0 - (min(material.numbers.get("ns", 250.0), 1000.0) / 1000.0) ** 0.5)
+    return float((2.0 / (material.numbers.get("ns", 10.0) + 2.0)) ** 0.25)
 
 
 def _smooth(roughness: float) -> float:
@@ -286,8 +329,8 @@ def _surface(material: Material, *, glass: bool) -> dict[str, Value]:
     return surface
 
 
-def _color(material: Material, key: str, default: tuple[float, ...], limit: float = 1e30) -> Value:
-    color = tuple(min(max(c, 0.0), limit) for c in material.colors.get(key, default))
+def _color(material: Material, key: str, default: tuple[float, ...]) -> Value:
+    color = material.colors.get(key, default)
     image = material.maps.get(f"map_{key}")
     if image is None:
         return color
@@ -297,7 +340,7 @@ def _color(material: Material, key: str, default: tuple[float, ...], limit: floa
 
 def _number(material: Material, key: str, default: float, given: float | None = None) -> Value:
     """A number in [0, 1] or its map; a map stands alone where the number is 0 or not given."""
-    value = min(max(material.numbers.get(key, default) if given is None else given, 0.0), 1.0)
+    value = material.numbers.get(key, default) if given is None else given
     image = material.maps.get(f"map_{key}")
     if image is None:
         return value

@@ -61,7 +61,8 @@ def _materials(data: ObjData, path: Path, options: LoadOptions, notes: list[str]
         for name in _library_files(library, path, options, notes):
             folder = "" if (parent := PurePosixPath(name).parent) == PurePosixPath(".") else str(parent)
             real = path.parent / name
-            blocks, ignored = parse_mtl(read_bytes(real), real, folder)
+            blocks, ignored, said = parse_mtl(read_bytes(real), real, folder)
+            notes += said
             _note_ignored(ignored, notes, name)
             for block in blocks:
                 found.setdefault(block.name, convert(block, real))
