@@ -346,7 +346,7 @@ def test_metal_is_the_conductor_and_what_that_loses(roughness: float, view: tupl
     back = sum(f ** (k + 1) * mean ** (k - 1) * (1 - mean) for k in range(1, 200))
     expected = back * lost(wo) * np.array([lost(w) for w in wi])[:, None] / mean / np.pi * wi[:, 2:]
     got = metal.eval(wo, wi) - conductor.eval(wo, wi)
-    np.testing.assert_allclose(got, expected, rtol=0.05, atol=2e-3)
+    np.testing.assert_allclose(got, expected, rtol=0.05, atol=5e-4)
 
 
 def test_thin_transmission_goes_straight_and_is_tinted() -> None:
@@ -369,7 +369,7 @@ def test_thin_transmission_goes_straight_and_is_tinted() -> None:
     spread = both - white.eval(wo, wi)  # what facets lose, evenly
     even = spread / wi[:, 2:]
     assert (spread > 0).all()
-    np.testing.assert_allclose(even, np.repeat(even[::3], 3, axis=0), rtol=1e-2)
+    np.testing.assert_allclose(even, np.repeat(even[::3], 3, axis=0), rtol=1e-3)
 
 
 # --- markers ---------------------------------------------------------------------------------------------------------
