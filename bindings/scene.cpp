@@ -172,7 +172,8 @@ uint32_t add_grid(SceneBuilder& b, const Voxels& density, const nb::object& tran
 nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indices, const std::optional<Rows3>& normals,
                    const std::optional<Rows2>& uvs, const std::optional<Rows4>& colors,
                    const std::optional<Rows3>& positions1, const std::optional<Rows3>& normals1,
-                   const std::optional<Rows4>& tangents, const std::optional<Rows2>& second_uvs) {
+                   const std::optional<Rows4>& tangents, const std::optional<Rows2>& second_uvs,
+                   const std::optional<Rows4>& second_tangents) {
   MeshData m;
   m.positions = copy<Vec3>(positions);
   m.indices.assign(indices.data(), indices.data() + indices.size());
@@ -183,6 +184,7 @@ nb::tuple add_mesh(SceneBuilder& b, const Rows3& positions, const Triples& indic
   m.positions_end = copy<Vec3>(positions1);
   m.normals_end = copy<Vec3>(normals1);
   m.tangents = copy<Vec4>(tangents);
+  m.second_tangents = copy<Vec4>(second_tangents);
   uint32_t dropped = 0;
   const uint32_t id = b.add_mesh(std::move(m), &dropped);
   return nb::make_tuple(id, dropped);
@@ -270,7 +272,8 @@ void register_scene(nb::module_& m) {
       .def("add_material", &add_material, nb::arg("type"), nb::arg("params"))
       .def("add_mesh", &add_mesh, nb::arg("positions"), nb::arg("indices"), nb::arg("normals") = nb::none(),
            nb::arg("uvs") = nb::none(), nb::arg("colors") = nb::none(), nb::arg("positions1") = nb::none(),
-           nb::arg("normals1") = nb::none(), nb::arg("tangents") = nb::none(), nb::arg("second_uvs") = nb::none())
+           nb::arg("normals1") = nb::none(), nb::arg("tangents") = nb::none(), nb::arg("second_uvs") = nb::none(),
+           nb::arg("second_tangents") = nb::none())
       .def("add_group", &SceneBuilder::add_group)
       .def(
           "place_mesh",

@@ -198,13 +198,12 @@ void register_optics(nb::module_& m) {
       "openpbr_interior",
       [](const nb::dict& values) {
         const OpenPbr material = from_params<OpenPbr>(values);
-        OpenPbr below = material;
-        below.prepare({false, 1.0f, 0.0f});
-        const openpbr::InteriorMedium medium = openpbr::medium_recipe(material).medium();
+        const float held = openpbr::held_inside(material);
+        const openpbr::InteriorMedium medium = openpbr::medium_recipe(material, held).medium();
         nb::dict d;
         d["scattering"] = nb::make_tuple(medium.scattering.x, medium.scattering.y, medium.scattering.z);
         d["absorption"] = nb::make_tuple(medium.absorption.x, medium.absorption.y, medium.absorption.z);
-        d["anisotropy"] = medium.anisotropy, d["held"] = average(below.layers.base.held);
+        d["anisotropy"] = medium.anisotropy, d["held"] = held;
         return d;
       },
       nb::arg("params"),

@@ -4,7 +4,7 @@
 
 #include "bindings/register.h"
 #include "bindings/testing_support.h"
-#include "medium/homogeneous.h"
+#include "medium/packed_medium.h"
 
 namespace nb = nanobind;
 
@@ -18,6 +18,25 @@ using testing::row;
 using testing::Rows;
 
 nb::tuple vec(Vec3 v) { return nb::make_tuple(v.x, v.y, v.z); }
+
+void register_packed(nb::module_& m) {
+  m.def(
+      "packed_medium",
+      [](Rows scattering, Rows absorption, float g, uint32_t seed) {
+        Output<float> out(common_rows({scattering, absorption}), 7);
+        for (size_t i = 0; i < out.rows; ++i) {
+          const Medium given{row(scattering, i), Vec3(1), row(absorption, i), {g}};
+          const uint64_t bits = pack_medium(given, HashStream{hash_combine(seed, static_cast<uint32_t>(i))});
+          const Medium m = unpack_medium(bits);
+          float* to = out.data + 7 * i;
+          to[0] = m.density.x, to[1] = m.density.y, to[2] = m.density.z;
+          to[3] = m.absorption.x, to[4] = m.absorption.y, to[5] = m.absorption.z, to[6] = m.phase.g;
+        }
+        return out.array();
+      },
+      nb::arg("scattering"), nb::arg("absorption"), nb::arg("g"), nb::arg("seed"),
+      "What is left of media in 48 bits: scattering and absorption (N, 3) and anisotropy, (N, 7).");
+}
 
 void register_homogeneous(nb::module_& m) {
   m.def(
@@ -73,6 +92,9 @@ void register_homogeneous(nb::module_& m) {
 
 }  // namespace
 
-void register_testing_media(nb::module_& m) { register_homogeneous(m); }
+void register_testing_media(nb::module_& m) {
+  register_packed(m);
+  register_homogeneous(m);
+}
 
 }  // namespace destello

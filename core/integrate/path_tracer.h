@@ -133,7 +133,7 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
     if (!Tracer::kSimple) {
       shadow->inside = path->inside;
       if (to_light.w.z < 0 && (m.flags & kIsBoundary))
-        cross_boundary<Tracer>(scene, m, texture, s.front, &shadow->inside);
+        cross_boundary<Tracer>(scene, m, texture, s.front, path->sampler, entry_dimension(*path), &shadow->inside);
     }
   }
   const BsdfSample& next = answer.next;
@@ -152,7 +152,7 @@ DST_FN void scatter_at_surface(const SceneView& scene, const RenderSettings& set
   }
   path->travelled = path->bsdf_pdf == kInfinity ? distance : 0.0f;
   if ((next.flags & kTransmission) && (m.flags & kIsBoundary))
-    cross_boundary<Tracer>(scene, m, texture, s.front, &path->inside);
+    cross_boundary<Tracer>(scene, m, texture, s.front, path->sampler, entry_dimension(*path), &path->inside);
   roulette(settings, path);
   ++path->depth;
 }
@@ -199,7 +199,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   if (m.flags & kIsBoundary) {
     outside = interior_beyond(scene, path->inside, m.interior, s.front);
     if ((m.flags & kIsInterface) || is_hidden(scene, outside, m.interior)) {
-      cross_boundary<Tracer>(scene, m, context, s.front, &path->inside);
+      cross_boundary<Tracer>(scene, m, context, s.front, path->sampler, entry_dimension(*path), &path->inside);
       pass_straight(path, s, hit.t);
       return;
     }
@@ -243,7 +243,7 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
         (m.flags & kIsBoundary) && is_hidden(scene, interior_beyond(scene, inside, m.interior, s.front), m.interior);
     if ((m.flags & kOpaqueToShadows) && !hidden) return Vec3(0);
     if ((m.flags & kIsInterface) || hidden) {
-      cross_boundary<Tracer>(scene, m, context, s.front, &inside);
+      cross_boundary<Tracer>(scene, m, context, s.front, sampler, dimension + step * kBounceDimensions, &inside);
     } else {
       left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));
     }

@@ -35,22 +35,14 @@ struct RenderSettings {
   AnyCamera camera;
 };
 
-// A colour from the surface through which a path entered a medium, and the interior's number: 16 bits each (index + 1; 0: none;
-// square roots of the colours, so that dark ones are as precise as bright ones).
-struct EntryColor {
+// What a path keeps of the point where it entered a medium that textures vary: the interior's number (16 bits: index + 1; 0:
+// none) and 48 bits of the medium there (medium/packed_medium.h).
+struct EntryMedium {
   uint64_t bits = 0;
 
-  DST_HD static EntryColor of(uint32_t interior, Vec3 color) {
-    const auto packed = [](float c) { return static_cast<uint64_t>(sqrtf(saturate(c)) * 65535.0f + 0.5f); };
-    return {(interior + 1) | packed(color.x) << 16 | packed(color.y) << 32 | packed(color.z) << 48};
-  }
+  DST_HD static EntryMedium of(uint32_t interior, uint64_t packed) { return {(interior + 1) | packed << 16}; }
   DST_HD bool is_of(uint32_t interior) const { return (bits & 0xffff) == interior + 1; }
-  DST_HD Vec3 color() const { return {unpacked(16), unpacked(32), unpacked(48)}; }
-
- private:
-  DST_HD float unpacked(int shift) const {
-    return sqr(static_cast<float>(static_cast<uint32_t>(bits >> shift & 0xffff)) * (1.0f / 65535.0f));
-  }
+  DST_HD uint64_t packed() const { return bits >> 16; }
 };
 
 // The interiors that a path is inside of, newest first. A fixed number: deeper nesting forgets the oldest. Packed into one
@@ -58,7 +50,7 @@ struct EntryColor {
 struct InteriorStack {
   static constexpr int kCapacity = 4;
   uint64_t items = 0;
-  EntryColor color;  // of the one with a textured colour (kColorsInside) that was entered last; kept when it is left
+  EntryMedium entry;  // of the one with a textured medium (kVariesInside) that was entered last; kept when it is left
 
   DST_HD bool empty() const { return items == 0; }
   DST_HD void push(uint32_t interior) { items = items << 16 | (interior + 1); }
@@ -138,5 +130,7 @@ enum BounceDimension : uint32_t {
 DST_FN uint32_t bounce_dimension(const Path& path, BounceDimension d) {
   return kCameraDimensions + (path.depth + path.passes) * kBounceDimensions + d;
 }
+// Of the stream that an entry into a medium draws from, beside the number of a mix.
+DST_FN uint32_t entry_dimension(const Path& path) { return bounce_dimension(path, kDimMix); }
 
 }  // namespace destello

@@ -111,6 +111,10 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   DetailFrame detail{s.ns, s.tangent};
   if (!Tracer::kSimple && (m.flags & kHasDetail))
     detail = detail_frame(scene, m, s, context, hit, path.ray.time, p.side);
+  if (!Tracer::kSimple && (m.flags & kCoatBySecondUv)) {
+    const UvDirection d = second_direction(scene, hit, path.ray.time, s.p, s.ng);
+    p.surface.tangent = d.tangent, p.surface.mirrored = d.mirrored;
+  }
   if (!s.front) p.side = -p.side, detail.normal = -detail.normal;
   p.normal = detail.normal, p.tangent = detail.tangent;
   if (!Tracer::kSimple && layers_are_apart(m)) detail.normal = p.side;
@@ -198,11 +202,13 @@ struct AskMaterial {
     prepare(bsdf, context);
     MaterialSample r;
     r.wavelength = context.wavelength;
-    constexpr int color = first_color<T>();
-    if constexpr (color >= 0) r.albedo = bsdf.*T::params[color].v;
     if constexpr (requires { bsdf.see(point.wo); }) {
-      answer(bsdf, bsdf.see(point.wo), &r);
+      const auto seen = bsdf.see(point.wo);
+      r.albedo = bsdf.albedo(seen);
+      answer(bsdf, seen, &r);
     } else {
+      constexpr int color = first_color<T>();
+      if constexpr (color >= 0) r.albedo = bsdf.*T::params[color].v;
       answer(bsdf, point.wo, &r);
     }
     return r;

@@ -1,7 +1,9 @@
 // Paths through boundaries and media: what a path is inside of, and collisions on its way.
 #pragma once
 
+#include "bsdf/openpbr/interior.h"
 #include "integrate/light_sampling.h"
+#include "medium/packed_medium.h"
 
 namespace destello {
 
@@ -14,19 +16,43 @@ DST_FN void pass_straight(Path* path, const Surface& s, float t) {
   if (++path->passes == kMaxPasses) path->alive = false;
 }
 
-// The colour that the medium inside a surface has for paths which enter at this point.
-DST_FN DST_COLD EntryColor entry_color(const SceneView& scene, MaterialRecord m, const TextureContext& context) {
-  const Slot& slot = scene.textures.slots[m.first_slot + scene.interiors[m.interior].color_slot];
-  return EntryColor::of(m.interior, eval_slot(slot, context, scene.textures, false));
+// An OpenPBR material's parameters at a point, of those alone that its medium follows from. `slots`: of all.
+template <size_t... I>
+DST_FN OpenPbr medium_params(const Slot* slots, const TextureContext& context, const TextureData& textures,
+                             std::index_sequence<I...>) {
+  OpenPbr m;
+  const auto load = [&](auto index) {
+    constexpr size_t i = decltype(index)::value;
+    constexpr auto param = OpenPbr::params[i];
+    if constexpr (openpbr::makes_medium(param.name))
+      set_param<OpenPbr, i>(m, eval_slot(slots[i], context, textures, param.kind == ParamKind::Scalar));
+  };
+  (load(std::integral_constant<size_t, I>{}), ...);
+  return m;
 }
 
-// Takes a path (or a shadow ray) to the other side of a boundary of material m, from its front or its back.
+// What the medium inside a surface is for paths which enter at this point.
+DST_FN DST_COLD EntryMedium entry_medium(const SceneView& scene, MaterialRecord m, const TextureContext& context,
+                                         HashStream random) {
+  const Interior& in = scene.interiors[m.interior];
+  const Slot* slots = scene.textures.slots.data + m.first_slot;
+  if (in.is_colored())
+    return EntryMedium::of(m.interior, pack_color(eval_slot(slots[in.color_slot], context, scene.textures, false)));
+  const OpenPbr here =
+      medium_params(slots, context, scene.textures, std::make_index_sequence<OpenPbr::params.size()>{});
+  const Medium medium = Interior::medium_of(openpbr::medium_recipe(here, in.recipe.held));
+  return EntryMedium::of(m.interior, pack_medium(medium, random));
+}
+
+// Takes a path (or a shadow ray) to the other side of a boundary of material m, from its front or its back. `dimension`: of its
+// random numbers.
 template <class Tracer>
 DST_FN void cross_boundary(const SceneView& scene, const MaterialRecord& m, const TextureContext& context, bool front,
-                           InteriorStack* inside) {
+                           const Sampler& sampler, uint32_t dimension, InteriorStack* inside) {
   if (front) {
     inside->push(m.interior);
-    if (!Tracer::kSimple && (m.flags & kColorsInside)) inside->color = entry_color(scene, m, context);
+    if (!Tracer::kSimple && (m.flags & kVariesInside))
+      inside->entry = entry_medium(scene, m, context, sampler.stream(dimension));
   } else {
     inside->remove(m.interior);
   }
@@ -35,7 +61,9 @@ DST_FN void cross_boundary(const SceneView& scene, const MaterialRecord& m, cons
 // The medium of an interior for a path that has been through these surfaces.
 DST_FN Medium medium_in(const SceneView& scene, uint32_t interior, const InteriorStack& inside) {
   const Interior& in = scene.interiors[interior];
-  return in.is_colored() && inside.color.is_of(interior) ? in.colored(inside.color.color()) : in.medium;
+  if (!in.is_textured() || !inside.entry.is_of(interior)) return in.medium;
+  const uint64_t packed = inside.entry.packed();
+  return in.is_colored() ? in.colored(unpack_color(packed)) : unpack_medium(packed);
 }
 
 // The interior on the far side of a boundary, were the boundary's own object not there.

@@ -87,15 +87,16 @@ struct PicturesRead {
   }
 };
 
-// Whether a texture is an image (or a row of them) that reads the second uv.
-struct ReadsSecondUv {
+// Which sets of uv a texture reads by itself: kFirstUv, kSecondUv.
+inline constexpr uint32_t kFirstUv = 1, kSecondUv = 2;
+struct ReadUvSets {
   const Slot* slots;
   const Image* images;
   template <class T>
-  bool operator()() const {
+  uint32_t operator()() const {
     if constexpr (std::is_same_v<T, ImageTexture> || std::is_same_v<T, UdimTexture>)
-      return images[static_cast<uint32_t>(slots[0].value.x)].second_uv != 0;
-    return false;
+      return images[static_cast<uint32_t>(slots[0].value.x)].second_uv != 0 ? kSecondUv : kFirstUv;
+    return std::is_same_v<T, CheckerUvTexture> || std::is_same_v<T, PlanetTexture> ? kFirstUv : 0;
   }
 };
 

@@ -57,30 +57,60 @@ inline uint32_t adopt_openpbr_surface(const std::vector<Slot>& slots, Slot* emis
   return coat_flags(slots);
 }
 
-// Which textured colour the medium follows from; kNoIndex: none. A path carries one colour of what it is in.
-inline uint32_t openpbr_color_slot(const std::vector<Slot>& slots, const openpbr::MediumRecipe& recipe) {
-  const auto textured = [&](const char* name) { return !openpbr_slot(slots, name).is_constant(); };
-  const bool through = recipe.through > 0 && recipe.depth > 0 && textured("transmission_color");
-  const bool below = recipe.through < 1 && textured("subsurface_color");
-  if (through && below)
-    throw std::invalid_argument(
-        "transmission_color: expected a constant beside a textured subsurface_color, as paths carry one colour of the "
-        "medium inside (both textured: transmission_depth 0)");
-  if (!through && !below) return kNoIndex;
-  return static_cast<uint32_t>(&openpbr_slot(slots, below ? "subsurface_color" : "transmission_color") - slots.data());
+// What textures vary of the medium of a material (`m`: with the greatest values): sets `textured`, and `color_slot` if that is one
+// colour alone.
+inline void find_textures_inside(const std::vector<Slot>& slots, const OpenPbr& m, Interior* in) {
+  const bool through = m.transmission_weight > 0;
+  const bool below = m.subsurface_weight > 0 &&
+                     (m.transmission_weight < 1 || !openpbr_slot(slots, "transmission_weight").is_constant());
+  bool more = false;
+  const auto look = [&](bool counts, std::initializer_list<const char*> names) {
+    for (const char* name : names) more |= counts && !openpbr_slot(slots, name).is_constant();
+  };
+  const auto color = [&](bool counts, const char* name) {
+    const Slot& slot = openpbr_slot(slots, name);
+    if (!counts || slot.is_constant()) return;
+    more |= in->is_colored();
+    in->color_slot = static_cast<uint32_t>(&slot - slots.data());
+    in->colors_subsurface = name == std::string_view("subsurface_color");
+  };
+  look(through && below, {"transmission_weight", "subsurface_weight"});
+  look(through && m.transmission_depth > 0,
+       {"transmission_depth", "transmission_scatter", "transmission_scatter_anisotropy"});
+  look(below, {"subsurface_radius", "subsurface_radius_scale", "subsurface_scatter_anisotropy"});
+  color(through && m.transmission_depth > 0, "transmission_color");
+  color(below, "subsurface_color");
+  in->textured = more || in->is_colored();
+  if (more) in->color_slot = kNoIndex;
 }
 
-// True, and the interior's index and medium, if the material has an inside. `mean`: of a slot's values.
+// The material with the means of its textures. `mean`: of a slot's values (the flag: see eval_slot).
+template <class Mean, size_t... I>
+OpenPbr openpbr_means(const std::vector<Slot>& slots, const Mean& mean, std::index_sequence<I...>) {
+  OpenPbr m;
+  (set_param<OpenPbr, I>(m, mean(slots[I], OpenPbr::params[I].kind == ParamKind::Scalar)), ...);
+  return m;
+}
+
+// Whether there is an inside anywhere: metal and transmission may be less than their greatest values there.
+inline bool may_have_inside(const std::vector<Slot>& slots, OpenPbr m) {
+  if (!openpbr_slot(slots, "base_metalness").is_constant()) m.base_metalness = 0;
+  if (m.has_inside()) return true;
+  if (!openpbr_slot(slots, "transmission_weight").is_constant()) m.transmission_weight = 0;
+  return m.has_inside();
+}
+
+// True, and the interior's index and medium, if the material has an inside. `mean`: see openpbr_means.
 template <class Mean>
 bool openpbr_interior(const std::vector<Slot>& slots, const Mean& mean, Interior* interior) {
   const OpenPbr m = openpbr_constants(slots);
-  if (!m.has_inside()) return false;
+  if (!may_have_inside(slots, m)) return false;
   interior->ior = m.specular_ior;
   Interior own = *interior;
-  own.recipe = openpbr::medium_recipe(m);
-  own.color_slot = openpbr_color_slot(slots, own.recipe);
-  own.colors_subsurface = own.is_colored() && &slots[own.color_slot] == &openpbr_slot(slots, "subsurface_color");
-  own.medium = own.colored(own.is_colored() ? mean(slots[own.color_slot]) : m.transmission_color);
+  const OpenPbr means = openpbr_means(slots, mean, std::make_index_sequence<OpenPbr::params.size()>{});
+  own.recipe = openpbr::medium_recipe(m, openpbr::held_inside(means));
+  find_textures_inside(slots, m, &own);
+  own.medium = Interior::medium_of(openpbr::medium_recipe(means, own.recipe.held));
   if (own.is_vacuum()) return true;
   if (!interior->medium.is_vacuum())
     throw std::invalid_argument("medium_density, medium_absorption: expected 0 beside OpenPBR's own medium");

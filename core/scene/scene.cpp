@@ -119,9 +119,10 @@ uint32_t SceneBuilder::add_slots(const std::vector<Slot>& slots, size_t expected
   return first;
 }
 
-bool SceneBuilder::reads_second_uv(const std::vector<Slot>& slots) const {
-  return std::any_of(slots.begin(), slots.end(),
-                     [this](const Slot& s) { return s.has_texture() && second_uv_textures_[s.texture()]; });
+uint32_t SceneBuilder::uv_sets(const std::vector<Slot>& slots) const {
+  uint32_t sets = 0;
+  for (const Slot& s : slots) sets |= s.has_texture() ? texture_uv_sets_[s.texture()] : 0;
+  return sets;
 }
 
 uint32_t SceneBuilder::add_texture(uint32_t type, const std::vector<Slot>& slots) {
@@ -132,8 +133,8 @@ uint32_t SceneBuilder::add_texture(uint32_t type, const std::vector<Slot>& slots
     fail("image of a texture: expected an index below " + std::to_string(pictures));
   // A texture can only refer to earlier ones, so evaluation always ends.
   scene_->arrays_.textures.push_back({type, first});
-  const bool reads = dispatch(Textures{}, type, ReadsSecondUv{slots.data(), scene_->arrays_.images.data()});
-  second_uv_textures_.push_back(reads || reads_second_uv(slots));
+  const uint32_t own = dispatch(Textures{}, type, ReadUvSets{slots.data(), scene_->arrays_.images.data()});
+  texture_uv_sets_.push_back(own | uv_sets(slots));
   return static_cast<uint32_t>(scene_->arrays_.textures.size()) - 1;
 }
 
@@ -154,6 +155,7 @@ uint32_t SceneBuilder::add_mesh(MeshData mesh, uint32_t* dropped) {
   check_size(mesh.normals.size(), "normals");
   check_size(mesh.normals_end.size(), "normals1");
   check_size(mesh.tangents.size(), "tangents");
+  check_size(mesh.second_tangents.size(), "second_tangents");
   check_size(mesh.uvs.size(), "uvs");
   check_size(mesh.second_uvs.size(), "second_uvs");
   check_size(mesh.colors.size(), "colors");
@@ -256,6 +258,7 @@ void SceneBuilder::place_mesh(uint32_t group, uint32_t mesh, uint32_t material,
   if (moving && !d.normals.empty())
     object.first_normal_end = add_normals(d.normals_end.empty() ? d.normals : d.normals_end, end);
   if (!moving) object.first_tangent = add_tangents(d.tangents, start);
+  if (!moving) object.first_second_tangent = add_tangents(d.second_tangents, start);
   object.flipped = start.determinant() < 0;
   const uint32_t index = static_cast<uint32_t>(scene_->arrays_.objects.size());
   const uint32_t count = static_cast<uint32_t>(d.indices.size() / 3);

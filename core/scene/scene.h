@@ -99,7 +99,7 @@ struct MeshData {
   std::vector<Vec3> positions, positions_end;  // metres; at time 0 and 1
   std::vector<uint32_t> indices;               // 3 M
   std::vector<Vec3> normals, normals_end;
-  std::vector<Vec4> tangents;  // see SceneView::tangents; where nothing moves
+  std::vector<Vec4> tangents, second_tangents;  // see SceneView::tangents; of either uv; where nothing moves
   std::vector<Vec2> uvs, second_uvs;
   std::vector<Vec4> colors;  // linear
 };
@@ -183,8 +183,9 @@ class SceneBuilder {
   uint32_t add_normals(const std::vector<Vec3>& normals, const std::optional<Transform>& transform);
   uint32_t add_tangents(const std::vector<Vec4>& tangents, const Transform& transform);
   float bump_step(const Slot& slot) const;
-  bool reads_second_uv(const std::vector<Slot>& slots) const;
+  uint32_t uv_sets(const std::vector<Slot>& slots) const;  // see ReadUvSets
   uint32_t slot_flags(uint32_t first, size_t count) const;
+  uint32_t uv_flags(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface) const;
   void add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface, MaterialRecord* material);
   void add_object(uint32_t group, ObjectRecord object, uint32_t primitives);
   void resolve_mixes();
@@ -207,8 +208,8 @@ class SceneBuilder {
   std::vector<PlacedInstance> placed_;
   // Per material.
   std::vector<Emission> emission_;
-  std::vector<uint32_t> own_flags_;       // MaterialRecord::flags before resolve_mixes
-  std::vector<bool> second_uv_textures_;  // for each texture: whether it, or one below it, reads the second uv
+  std::vector<uint32_t> own_flags_;        // MaterialRecord::flags before resolve_mixes
+  std::vector<uint32_t> texture_uv_sets_;  // of each texture and those below it
   bool has_environment_ = false;
 };
 

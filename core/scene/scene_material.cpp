@@ -20,6 +20,24 @@ uint32_t SceneBuilder::slot_flags(uint32_t first, size_t count) const {
   return 0;
 }
 
+// Which of a material's maps read the second uv.
+uint32_t SceneBuilder::uv_flags(uint32_t type, const std::vector<Slot>& slots, const std::vector<Slot>& surface) const {
+  uint32_t flags = 0;
+  const auto add = [&](uint32_t sets, uint32_t wanted, MaterialFlag flag) {
+    if ((sets & wanted) == wanted) flags |= flag;
+  };
+  const auto sets = [&](const char* name) { return uv_sets({surface_slot(surface, name)}); };
+  add(uv_sets(slots) | uv_sets(surface), kSecondUv, kReadsSecondUv);
+  add(sets("bump"), kSecondUv, kBumpBySecondUv);
+  add(sets("bump"), kFirstUv | kSecondUv, kBumpByBothUvs);
+  add(sets("normal_map"), kSecondUv, kNormalBySecondUv);
+  add(sets("tangent_map"), kSecondUv, kTangentBySecondUv);
+  if (type == index_of<OpenPbr>(Materials{}))
+    add(uv_sets({openpbr_slot(slots, "geometry_coat_normal"), openpbr_slot(slots, "geometry_coat_tangent")}), kSecondUv,
+        kCoatBySecondUv);
+  return flags;
+}
+
 void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vector<Slot>& surface,
                                 MaterialRecord* material) {
   Interior in;
@@ -30,14 +48,16 @@ void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vecto
   in.priority = surface_value(surface, "priority").x;
   in.ior = dispatch(Materials{}, material->type, MaterialIor{slots.data()});
   const bool interface = material->type == index_of<Interface>(Materials{});
-  const auto mean = [&](const Slot& slot) { return mean_value(slot, scene_->arrays_.texture_data(), kUnitBox); };
+  const auto mean = [&](const Slot& slot, bool as_scalar) {
+    return mean_value(slot, scene_->arrays_.texture_data(), kUnitBox, as_scalar);
+  };
   const bool layered = material->type == index_of<OpenPbr>(Materials{}) && openpbr_interior(slots, mean, &in);
   if (material->type != index_of<Dielectric>(Materials{}) && !interface && !layered && in.is_vacuum()) return;
   auto& interiors = scene_->arrays_.interiors;
   if (interiors.size() >= 65535)
     throw std::invalid_argument("more than 65535 materials with an inside (dielectrics, media)");
   material->interior = static_cast<uint32_t>(interiors.size());
-  material->flags |= kIsBoundary | (interface ? kIsInterface : 0u) | (in.is_colored() ? kColorsInside : 0u);
+  material->flags |= kIsBoundary | (interface ? kIsInterface : 0u) | (in.is_textured() ? kVariesInside : 0u);
   interiors.push_back(in);
 }
 
@@ -76,8 +96,7 @@ uint32_t SceneBuilder::add_material(uint32_t type, const std::vector<Slot>& slot
     m.flags |= kHasDetail | kNeedsUv;
   if (dispatch(Materials{}, type, HasDirection{slots.data()})) m.flags |= kNeedsUv;
   if (!bump.is_constant()) m.bump_step = bump_step(bump);
-  if (reads_second_uv({bump})) m.flags |= kBumpBySecondUv;
-  if (reads_second_uv(slots) || reads_second_uv(surface)) m.flags |= kReadsSecondUv;
+  m.flags |= uv_flags(type, slots, surface);
   if (dispatch(Materials{}, type, IsDeltaOnly{slots.data()})) m.flags |= kDeltaOnly;
   if (type == index_of<Mix>(Materials{})) {
     check_material(mix_first);

@@ -27,10 +27,15 @@ enum MaterialFlag : uint32_t {
   kOpaqueToShadows = 256,   // blocks shadow rays for sure
   kDeltaOnly = 512,         // every lobe is a delta: sampling lights is of no use
   kHasCoat = 1024,          // a layer on top that does not take part in the maps that turn the base's frame
-  kColorsInside = 2048,     // a texture colours the medium inside, from where it was entered (Interior::color_slot)
+  kVariesInside = 2048,     // textures make the medium inside, from where it was entered (Interior::textured)
   kIsLambert = 4096,        // one colour of Diffuse without roughness, and nothing else
   kReadsSecondUv = 8192,    // some texture reads the second uv
   kBumpBySecondUv = 16384,  // the bump map does
+  kBumpByBothUvs = 262144,  // and the first, too
+  // So do these maps, and their directions are those of the second uv.
+  kNormalBySecondUv = 32768,
+  kTangentBySecondUv = 65536,  // with tangent_rotation
+  kCoatBySecondUv = 131072,    // both of the coat's maps
 };
 
 // A material: the BSDF's own parameters and those that every surface has.
@@ -59,22 +64,26 @@ enum SurfaceSlot : uint32_t {
 
 // What a boundary encloses.
 struct Interior {
-  Medium medium;             // with color_slot: for the texture's mean
+  Medium medium;             // with `textured`: for the textures' means
   uint32_t grid = kNoIndex;  // what varies the medium's density; kNoIndex: nothing
   float ior = 1;             // at 587.56 nm
   float priority =
       0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
-  // Which of its material's slots colours the medium, if that is textured; kNoIndex: none.
-  uint32_t color_slot = kNoIndex;
+  uint32_t textured = 0;           // some texture of its material varies the medium
+  uint32_t color_slot = kNoIndex;  // if that is all, and a colour: which of its material's slots
   uint32_t colors_subsurface = 0;  // it is subsurface_color, else transmission_color
   openpbr::MediumRecipe recipe;    // the rest of what the medium then follows from
 
+  DST_HD bool is_textured() const { return textured != 0; }
   DST_HD bool is_colored() const { return color_slot != kNoIndex; }
-  DST_HD bool is_vacuum() const { return medium.is_vacuum() && !is_colored(); }
+  DST_HD bool is_vacuum() const { return medium.is_vacuum() && !is_textured(); }
   // The medium of the recipe with that colour; the rest as in `medium`.
   DST_HD Medium colored(Vec3 color) const {
     openpbr::MediumRecipe r = recipe;
     (colors_subsurface ? r.subsurface_color : r.transmission_color) = color;
+    return medium_of(r);
+  }
+  DST_HD static Medium medium_of(const openpbr::MediumRecipe& r) {
     const openpbr::InteriorMedium m = r.medium();
     return {m.scattering, Vec3(1), m.absorption, {m.anisotropy}};
   }
@@ -91,6 +100,7 @@ struct ObjectRecord {
   uint32_t first_second_uv = kNoIndex;
   uint32_t first_normal_end = kNoIndex;  // normals at time 1 of a moving mesh
   uint32_t first_tangent = kNoIndex;
+  uint32_t first_second_tangent = kNoIndex;  // into tangents too: those of the second uv
   uint32_t flipped = 0;  // placed by a mirroring transform: the stored triangles wind the other way round
 };
 

@@ -55,17 +55,53 @@ DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p
   return map;
 }
 
+// Which way u grows, any length, 0 if unknown; mirrored: v grows against normal x tangent.
+struct UvDirection {
+  Vec3 tangent;
+  bool mirrored = false;
+};
+
+// That of the second uv at a hit, as Surface has it of the first. ng: the surface's, on the outward side.
+DST_FN DST_COLD UvDirection second_direction(const SceneView& scene, Hit hit, float time, Vec3 p, Vec3 ng) {
+  const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
+  const ObjectRecord& object = scene.objects[prim.object];
+  if (object.first_second_tangent != kNoIndex) {
+    const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
+    const Vec4* t = scene.tangents + object.first_second_tangent;
+    const Vec4 a = t[index[0]], b = t[index[1]], c = t[index[2]];
+    const float w = 1.0f - hit.u - hit.v;
+    UvDirection d{xyz(a) * w + xyz(b) * hit.u + xyz(c) * hit.v, a.w * w + b.w * hit.u + c.w * hit.v < 0};
+    d.mirrored = d.mirrored != (object.flipped != 0);
+    if (hit.instance != Hit::kNone) {
+      const Instance& instance = scene.geometry.instances[hit.instance];
+      d = {instance.world_at(time).vector(d.tangent), d.mirrored != (instance.flipped != 0)};
+    }
+    if (!is_black(d.tangent)) return d;
+  }
+  const UvMap map = uv_map(scene, hit, time, p, true);
+  return {map.dpdu, dot(cross(map.dpdu, map.dpdv), ng) < 0};
+}
+
 // Square metres of a unit square of uv; 0: unknown.
 DST_FN DST_COLD float uv_area(const SceneView& scene, Hit hit, float time, Vec3 p) {
   const UvMap map = uv_map(scene, hit, time, p);
   return length(cross(map.dpdu, map.dpdv));
 }
 
+// How far u and v grow over a step d along the surface.
+DST_FN Vec2 uv_step(const UvMap& map, Vec3 n, Vec3 d) {
+  const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
+  const float det = dot(map.dpdu, across_v);
+  if (det == 0) return {0, 0};
+  return {dot(d, across_v) / det, dot(d, across_u) / det};
+}
+
 // The normal of a surface that stands `height` metres above one with normal n: central differences over `step`
-// (MaterialRecord::bump_step) of the uv that the height is read by (`second`), but at least the footprint (Blinn 1978; Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces
-// on the GPU").
-DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map, bool second,
-                                   float step, Vec3 n) {
+// (MaterialRecord::bump_step) of the uv that the height is read by (`second`), but at least the footprint (Blinn 1978;
+// Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU"). `other`: how the surface lies in the other uv; null: the
+// height does not depend on it.
+DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureContext at, UvMap map,
+                                   const UvMap* other, bool second, float step, Vec3 n) {
   const float lu = length(map.dpdu), lv = length(map.dpdv);
   const Vec3 across_v = cross(map.dpdv, n), across_u = cross(n, map.dpdu);
   const float det = dot(map.dpdu, across_v);
@@ -74,8 +110,10 @@ DST_FN DST_COLD Vec3 bumped_normal(const SceneView& scene, Slot height, TextureC
   const float du = step > 0 ? max(step, footprint) : -step / lu, dv = step > 0 ? max(step, footprint) : -step / lv;
   const auto height_at = [&](float u, float v) {
     TextureContext c = at;
+    const Vec3 moved = map.dpdu * u + map.dpdv * v;
     (second ? c.second.uv : c.uv) = (second ? at.second.uv : at.uv) + Vec2{u, v};
-    c.position = at.position + map.dpdu * u + map.dpdv * v;
+    if (other != nullptr) (second ? c.uv : c.second.uv) = (second ? at.uv : at.second.uv) + uv_step(*other, n, moved);
+    c.position = at.position + moved;
     return eval_slot(height, c, scene.textures, true).x;
   };
   const float slope_u = (height_at(0.5f * du, 0) - height_at(-0.5f * du, 0)) / du;
@@ -102,18 +140,26 @@ DST_FN DST_COLD DetailFrame detail_frame(const SceneView& scene, const MaterialR
                                          Hit hit, float time, Vec3 side) {
   const Slot* slots = scene.textures.slots.data + m.surface_slot;
   DetailFrame d{s.ns, s.tangent};
-  const bool bump_by_second = (m.flags & kBumpBySecondUv) != 0;
-  if (!slots[kBumpSlot].is_constant())
-    d.normal = bumped_normal(scene, slots[kBumpSlot], at, uv_map(scene, hit, time, s.p, bump_by_second), bump_by_second,
-                             m.bump_step, s.ns);
-  if (length_squared(s.tangent) > 0) {
-    Frame frame = Frame::from_zx(d.normal, s.tangent);
-    if (!slots[kNormalSlot].is_constant())
-      d.normal =
-          mapped_normal(frame, s.mirrored, eval_slot(slots[kNormalSlot], at, scene.textures, false), m.normal_scale);
-    const Vec3 along = eval_slot(slots[kTangentSlot], at, scene.textures, false);
+  if (!slots[kBumpSlot].is_constant()) {
+    const bool second = (m.flags & kBumpBySecondUv) != 0, both = (m.flags & kBumpByBothUvs) != 0;
+    const UvMap map = uv_map(scene, hit, time, s.p, second);
+    const UvMap other = both ? uv_map(scene, hit, time, s.p, !second) : UvMap{};
+    d.normal = bumped_normal(scene, slots[kBumpSlot], at, map, both ? &other : nullptr, second, m.bump_step, s.ns);
+  }
+  const UvDirection first{s.tangent, s.mirrored};
+  UvDirection other = first;
+  if (m.flags & (kNormalBySecondUv | kTangentBySecondUv)) other = second_direction(scene, hit, time, s.p, s.ng);
+  const UvDirection by = m.flags & kNormalBySecondUv ? other : first;
+  const UvDirection along = m.flags & kTangentBySecondUv ? other : first;
+  const Vec3 bumped = d.normal;
+  if (!slots[kNormalSlot].is_constant() && length_squared(by.tangent) > 0)
+    d.normal = mapped_normal(Frame::from_zx(bumped, by.tangent), by.mirrored,
+                             eval_slot(slots[kNormalSlot], at, scene.textures, false), m.normal_scale);
+  if (length_squared(along.tangent) > 0) {
+    const Frame frame = Frame::from_zx(bumped, along.tangent);
+    const Vec3 texel = eval_slot(slots[kTangentSlot], at, scene.textures, false);
     const float degrees = eval_slot(slots[kRotationSlot], at, scene.textures, true).x;
-    const float x = 2 * along.x - 1, y = (2 * along.y - 1) * (s.mirrored ? -1.0f : 1.0f);
+    const float x = 2 * texel.x - 1, y = (2 * texel.y - 1) * (along.mirrored ? -1.0f : 1.0f);
     const float turns = degrees * (1.0f / 360.0f);
     const SinCos t = sincos_turns(turns - floorf(turns));
     const Vec3 turned = frame.x * (x * t.cos - y * t.sin) + frame.y * (x * t.sin + y * t.cos);

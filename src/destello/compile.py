@@ -19,7 +19,7 @@ from destello.geometry import mesh_arrays
 from destello.image_table import ImageTable
 from destello.mesh_checks import check_mesh, check_spheres
 from destello.nodes import Node
-from destello.tangents import kept_tangents, wants_tangents
+from destello.tangents import kept_tangents, wanted_tangents
 from destello.texture_memory import fit, largest, read_size, shrunk, stored_images
 from destello.transform import Transform
 
@@ -186,7 +186,7 @@ class SceneCompiler:
         self._images = ImageTable(builder, working_space)
         self._context = Context(MaterialCompiler(builder, assets, self._images), assets)
         self._inner: dict[int, Context] = {}  # by id of the mesh file's assets
-        self._meshes: dict[tuple[int, ...], int] = {}
+        self._meshes: dict[tuple[int | str, ...], int] = {}
         self._kept: list[Any] = []  # arrays whose id() is in a key
         self._spheres: dict[tuple[int, int, bool], SphereBatch] = {}
         self._dropped: dict[str, int] = {}
@@ -311,16 +311,16 @@ class SceneCompiler:
         first, last = self._placement(shape, context)
         node = shape["material"] if context.material is None else context.material_node
         with core_errors(place):
-            mesh = self._mesh_number(arrays, place, last is None and wants_tangents(arrays, node))
+            mesh = self._mesh_number(arrays, place, wanted_tangents(arrays, node) if last is None else ())
             self._builder.place_mesh(group, mesh, material, transform=rows(first), transform1=rows(last))
 
-    def _mesh_number(self, arrays: Mapping[str, NDArray[Any]], place: str, tangents: bool) -> int:
-        """Meshes that share their arrays are one. `tangents`: they are to be made."""
-        key = (*(id(arrays[name]) for name in sorted(arrays)), int(tangents))
+    def _mesh_number(self, arrays: Mapping[str, NDArray[Any]], place: str, tangents: tuple[str, ...]) -> int:
+        """Meshes that share their arrays are one. `tangents`: those that are to be made."""
+        key: tuple[int | str, ...] = (*(id(arrays[name]) for name in sorted(arrays)), *tangents)
         if key not in self._meshes:
             checked = check_mesh(arrays, place)
             if tangents:
-                checked = check_mesh(kept_tangents(arrays), place)
+                checked = check_mesh(kept_tangents(arrays, tangents), place)
             mesh, dropped = self._builder.add_mesh(**self._images.vertex_colors(checked))
             if dropped:
                 self._dropped[place] = dropped

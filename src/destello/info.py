@@ -15,7 +15,7 @@ from destello.geometry import mesh_arrays, scene_bounds
 from destello.images import missing_image
 from destello.memory import per_triangle
 from destello.nodes import Node
-from destello.tangents import wants_tangents
+from destello.tangents import wanted_tangents
 from destello.texture_memory import largest, stored_images
 from destello.udim import read_tiles
 
@@ -31,6 +31,7 @@ SPHERE_BYTES = 48
 INSTANCE_BYTES = 212
 TREE_BYTES = 12
 _VERTEX_BYTES = {"normals": 12, "normals1": 12, "tangents": 16, "uvs": 8, "colors": 16, "second_uvs": 12}
+_VERTEX_BYTES |= {"second_tangents": 16}
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:
@@ -136,7 +137,7 @@ class _Counts:
             key = tuple(id(arrays[name]) for name in sorted(arrays)) if shape.type == "mesh" else (id(shape),)
             moves = "positions1" in arrays or shape["transform1"] is not None
             self._triangles += len(arrays["indices"]) * (MOVING_TRIANGLE_BYTES if moves else TRIANGLE_BYTES)
-            made = {"tangents": arrays["positions"]} if not moves and wants_tangents(arrays, shape["material"]) else {}
+            made = {} if moves else dict.fromkeys(wanted_tangents(arrays, shape["material"]), arrays["positions"])
             vertices = {**made, **arrays}
             self._bytes[key] = sum(_VERTEX_BYTES.get(name, 0) * len(array) for name, array in vertices.items())
 

@@ -12,7 +12,7 @@ from destello.compile_errors import core_errors
 from destello.compile_materials import MaterialCompiler, rows
 from destello.geometry import mesh_arrays
 from destello.nodes import Node, equal_values
-from destello.tangents import wants_tangents
+from destello.tangents import wanted_tangents
 from destello.transform import Transform
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PLACEMENT = frozenset({"transform", "transform1", "animation"})
 SPHERE_PLACEMENT = frozenset({"center", "radius", "center1", "animation"})
-_SMOOTH = dict.fromkeys(("positions", "normals", "uvs"), np.empty(0))
+_SMOOTH = dict.fromkeys(("positions", "normals", "uvs", "second_uvs"), np.empty(0))
 
 
 class NotInPlace(Exception):
@@ -262,7 +262,7 @@ def _check_same_tangents(before: Node, after: Node, place: str) -> None:
     if after.type not in ("mesh", "mesh_file"):
         return
     arrays = _SMOOTH if after.type == "mesh_file" else mesh_arrays(after)  # a file's meshes may be of any kind
-    if wants_tangents(arrays, _material(before)) != wants_tangents(arrays, _material(after)):
+    if wanted_tangents(arrays, _material(before)) != wanted_tangents(arrays, _material(after)):
         raise NotInPlace(f"{place} gets other tangents")
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from destello.errors import SceneError
+from destello.nodes import Node
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from destello.nodes import Node
-
-_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1", "tangents", "second_uvs")
+_PER_VERTEX = ("normals", "uvs", "colors", "positions1", "normals1", "tangents", "second_uvs", "second_tangents")
+DIRECTIONS = ("normal_map", "tangent_map", "geometry_coat_normal", "geometry_coat_tangent")  # by a uv set's tangents
 
 
 def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDArray[Any] | None]:
@@ -52,16 +52,20 @@ def check_mesh(arrays: Mapping[str, NDArray[Any]], place: str) -> dict[str, NDAr
 
 
 def uv_reads(material: Node) -> frozenset[str]:
-    """Holds "second" if a texture of a material reads the second uv set; "both" if a bump map reads two sets."""
-    found = {"second"} if "second" in _uv_sets(material) else set()
-    bumps = (node.params["bump"] for node in material.walk() if isinstance(node.params.get("bump"), type(material)))
-    return frozenset(found | {"both" for bump in bumps if len(_uv_sets(bump)) > 1})
+    """Holds "second" if a texture of a material reads the second uv set, and each of DIRECTIONS that reads two sets."""
+    found = {"second"} if "second" in uv_sets(material) else set()
+    for node in material.walk():
+        if node.kind == "material":
+            maps = {name: uv_sets(node.params.get(name)) for name in DIRECTIONS}
+            found |= {name for name, sets in maps.items() if len(sets) > 1}
+            if len(maps["geometry_coat_normal"] | maps["geometry_coat_tangent"]) > 1:
+                found.add("geometry_coat_normal")
+    return frozenset(found)
 
 
-def _uv_sets(node: Node) -> set[str]:
-    """The uv sets that textures read."""
-    read = {str(n["uv_set"]) for n in node.walk() if n.type == "image"}
-    return read | {"first" for n in node.walk() if n.type in ("checker_uv", "planet")}
+def uv_sets(value: object) -> set[str]:
+    """The uv sets that the images in a parameter's value read."""
+    return {str(n["uv_set"]) for n in value.walk() if n.type == "image"} if isinstance(value, Node) else set()
 
 
 def check_uv_sets(shape: Node, read: frozenset[str], place: str) -> None:
@@ -69,8 +73,10 @@ def check_uv_sets(shape: Node, read: frozenset[str], place: str) -> None:
     if "second" in read and (shape.type != "mesh" or shape["second_uvs"] is None):
         expected = "a mesh that has them, or uv_set: first"
         raise SceneError("an image of the second uv set on a shape without second_uvs", place=place, expected=expected)
-    if "both" in read:
-        raise SceneError("a bump map of two uv sets", place=place, expected="one uv_set for all of it")
+    for name in DIRECTIONS:
+        if name in read:
+            expected = "one uv_set for all of it, and one for the coat's normals and tangents"
+            raise SceneError("directions by two uv sets", place=f"{place}.{name}", expected=expected)
 
 
 def check_finite(array: NDArray[Any], place: str) -> None:

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from destello.mesh_checks import DIRECTIONS, uv_sets
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -28,54 +30,67 @@ if TYPE_CHECKING:
 
 _RINGS = 16  # of triangles with flat texture coordinates around one whose orientation they take
 _BATCH = 1 << 14
-_PLACES = ("normal_map", "tangent_map", "geometry_coat_normal", "geometry_coat_tangent")
+_SETS = {"tangents": "uvs", "second_tangents": "second_uvs"}
 _STRETCHED = ("anisotropy", "specular_roughness_anisotropy", "coat_roughness_anisotropy")
-_made: dict[tuple[int, ...], dict[str, Array]] = {}  # by the id() of arrays that live
+_made: dict[tuple[int | str, ...], dict[str, Array]] = {}  # by the id() of arrays that live, and what was made
 
 
-def depends_on_tangents(material: Node) -> bool:
-    """Whether a material (or one that it mixes) has a normal map, a tangent map or anisotropic highlights."""
+def needed_tangents(material: Node) -> set[str]:
+    """Which tangents a material (or one that it mixes) needs.
+
+    "tangents", of the first uvs, for a normal or tangent map or anisotropic highlights; "second_tangents" for maps that
+    read the second.
+    """
+    found = set()
     for node in material.walk():
         if node.kind == "material":
             given = node.params
-            turned = any(name in given for name in _PLACES)
-            if turned or any(given.get(name, 0.0) != 0.0 for name in _STRETCHED):
-                return True
-    return False
+            for name in DIRECTIONS:
+                if name in given:
+                    found.add("second_tangents" if "second" in uv_sets(given[name]) else "tangents")
+            if any(given.get(name, 0.0) != 0.0 for name in _STRETCHED):
+                found.add("tangents")
+    return found
 
 
-def wants_tangents(arrays: Mapping[str, Array], material: Node | None) -> bool:
-    """Whether a mesh with these arrays is to get tangents for the material: it has all that they are made of, none of
-    its own, and does not move by itself (the core then goes by the triangles').
+def wanted_tangents(arrays: Mapping[str, Array], material: Node | None) -> tuple[str, ...]:
+    """Which tangents a mesh with these arrays is to get for the material: it has all that they are made of, none of its
+    own, and does not move by itself (the core then goes by the triangles').
     """
     has = arrays.keys()
-    able = {"normals", "uvs"} <= has and not {"tangents", "positions1"} & has
-    return able and material is not None and depends_on_tangents(material)
+    if material is None or "normals" not in has or "positions1" in has:
+        return ()
+    needed = needed_tangents(material)
+    return tuple(name for name, uvs in _SETS.items() if name in needed and uvs in has and name not in has)
 
 
-def kept_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """As `with_tangents`; kept as long as the arrays live, for the next frame or edit. They must not change."""
-    key = tuple(id(arrays[name]) for name in sorted(arrays))
+def kept_tangents(arrays: Mapping[str, Array], names: tuple[str, ...]) -> dict[str, Array]:
+    """With the tangents `names`; kept as long as the arrays live, for the next frame or edit. They must not change."""
+    key: tuple[int | str, ...] = (*(id(arrays[name]) for name in sorted(arrays)), *names)
     if key not in _made:
-        _made[key] = {name: a for name, a in with_tangents(arrays).items() if a is not arrays.get(name)}
+        made = dict(arrays)
+        for name in names:
+            made = with_tangents(made, name)
+        _made[key] = {name: array for name, array in made.items() if array is not arrays.get(name)}
         for array in arrays.values():
             weakref.finalize(array, _made.pop, key, None)
     return {**arrays, **_made[key]}
 
 
-def with_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """A mesh's arrays with `tangents`, (N, 4): along growing u, and 1 where v grows along normal x tangent, else -1.
+def with_tangents(arrays: Mapping[str, Array], name: str = "tangents") -> dict[str, Array]:
+    """A mesh's arrays with tangents, (N, 4): along growing u, and 1 where v grows along normal x tangent, else -1.
 
     Args:
         arrays: (N, 3) positions and normals, (N, 2) uvs with v upwards, (M, 3) indices; others, a row a vertex, may be
             there too.
+        name: "tangents", or "second_tangents" by second_uvs.
 
     Vertices whose corners belong to several groups are doubled, the doubles after the others. A corner without a
     tangent of its own has one of the others at its vertex; where no corner has one it is 0, and the core takes the
     triangle's.
     """
     triangles = arrays["indices"].astype(np.intp, copy=False)
-    vectors, signs, group = _corners(arrays["positions"], arrays["normals"], arrays["uvs"], triangles)
+    vectors, signs, group = _corners(arrays["positions"], arrays["normals"], arrays[_SETS[name]], triangles)
     corners, count = triangles.reshape(-1), len(arrays["positions"])
     sure = np.flatnonzero(vectors.any(axis=1))
     first = np.zeros(count, np.intp)  # group of each vertex's first corner with a tangent
@@ -88,11 +103,11 @@ def with_tangents(arrays: Mapping[str, Array]) -> dict[str, Array]:
     made = dict(arrays)
     if len(index):
         source = np.concatenate([np.arange(count), corners[others[index]]])
-        made = {name: array[source] for name, array in arrays.items() if name != "indices"}
+        made = {key: array[source] for key, array in arrays.items() if key != "indices"}
         made["indices"] = vertex.reshape(-1, 3).astype(np.uint32)
-    made["tangents"] = np.zeros((len(made["positions"]), 4), np.float32)
-    made["tangents"][:, 3] = 1
-    made["tangents"][vertex[sure]] = np.concatenate([vectors, signs[:, None]], axis=1)[sure]
+    tangents = made[name] = np.zeros((len(made["positions"]), 4), np.float32)
+    tangents[:, 3] = 1
+    tangents[vertex[sure]] = np.concatenate([vectors, signs[:, None]], axis=1)[sure]
     return made
 
 

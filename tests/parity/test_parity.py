@@ -16,18 +16,6 @@ pytestmark = pytest.mark.cuda
 
 WIDTH, SPP = 96, 64
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SCENES = [
-    *scenes.names(),
-    "textures and media",
-    "normal maps and mixtures",
-    "detailed",
-    "layered",
-    "coats",
-    "textured insides",
-    "clouds",
-    "placed clouds",
-    "a large tree",
-]
 
 
 def opaque() -> dl.Scene:
@@ -232,19 +220,20 @@ def textured_insides() -> dl.Scene:
     rng = np.random.default_rng(9)
     image = dl.textures.image(rng.random((64, 64, 3), np.float32), color_space="linear")
     checker = dl.textures.checker_uv(even=image, odd=(0.9, 0.4, 0.2), count_u=6, count_v=6)
+    grey = dl.textures.scaled(image, scale=0.1, channel="g")
     grid = dl.volumes.grid(density=rng.random((6, 7, 8), np.float32), min=(2.2, 0, -0.6), max=(3.4, 1.2, 0.6))
     glass = {"transmission_weight": 1.0, "transmission_depth": 0.4, "specular_roughness": 0.1}
     looks: list[dict[str, Any]] = [
         {"subsurface_weight": 1.0, "subsurface_radius": 0.1, "subsurface_color": checker},
         {"transmission_color": image, "transmission_scatter": (0.2, 0.4, 0.6)} | glass,
-        {"transmission_color": checker} | glass,
-        {"transmission_weight": 0.5, "subsurface_weight": 0.5, "subsurface_radius": 0.05, "subsurface_color": image},
+        {"transmission_color": checker, "transmission_scatter": image} | glass,
+        {"transmission_weight": 0.5, "subsurface_weight": 0.5, "subsurface_radius": grey, "subsurface_color": image},
         {"transmission_color": image, "medium_volume": grid, "priority": 1.0} | glass,
     ]
     for i, look in enumerate(looks):
         material = dl.materials.openpbr(**look)
         s.add(dl.shapes.sphere(center=(1.4 * i - 2.8, 0.6, 0), radius=0.6, material=material))
-    core = dl.materials.openpbr(subsurface_weight=1.0, subsurface_radius=0.1, subsurface_color=checker)
+    core = dl.materials.openpbr(subsurface_weight=1.0, subsurface_radius=grey, subsurface_color=checker)
     s.add(dl.shapes.sphere(center=(0, 0.5, 0), radius=0.3, material=core))  # in the glass
     s.add(dl.shapes.sphere(center=(2.0, 0.6, 0.3), radius=0.4, material=core))  # half in another, half hidden
     s.add(dl.lights.point(position=(-1.4, 0.7, 0.1), intensity=2))  # in the milk
@@ -269,6 +258,7 @@ MADE = {
     "placed clouds": placed_clouds,
     "a large tree": large,
 }
+SCENES = [*scenes.names(), *MADE]
 
 
 def compiled(name: str) -> tuple[Any, dict[str, Any], int]:

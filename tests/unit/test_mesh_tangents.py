@@ -97,9 +97,9 @@ def test_they_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
     made = tangents.with_tangents
 
-    def counting(arrays: Any) -> Any:
+    def counting(arrays: Any, name: str) -> Any:
         calls.append(len(arrays["positions"]))
-        return made(arrays)
+        return made(arrays, name)
 
     monkeypatch.setattr(tangents, "with_tangents", counting)
     kept = len(tangents._made)

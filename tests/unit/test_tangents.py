@@ -10,7 +10,7 @@ import pytest
 
 import destello as dl
 import mikktspace_mesh
-from destello.tangents import depends_on_tangents, with_tangents
+from destello.tangents import needed_tangents, with_tangents
 
 
 def grid(nu, nv):
@@ -194,18 +194,36 @@ def test_edges_of_many_triangles_and_corners_in_any_order():
             assert np.array_equal(same, met)
 
 
-def test_which_materials_depend_on_tangents():
-    image = dl.textures.image(np.zeros((2, 2, 3), np.uint8), color_space="linear")
-    plain = dl.materials.metallic_roughness(roughness=dl.textures.image(np.zeros((2, 2), np.uint8)))
+def test_which_materials_need_which_tangents():
+    texels = np.zeros((2, 2, 3), np.uint8)
+    image, other = (dl.textures.image(texels, color_space="linear", uv_set=uv) for uv in ("first", "second"))
+    plain = dl.materials.metallic_roughness(roughness=dl.textures.image(np.zeros((2, 2), np.uint8), uv_set="second"))
     mapped = dl.materials.diffuse(normal_map=image)
-    assert not depends_on_tangents(plain)
-    assert depends_on_tangents(mapped)
-    assert depends_on_tangents(dl.materials.mix(first=plain, second=mapped, amount=0.5))
-    assert depends_on_tangents(dl.materials.conductor(anisotropy=0.5))
-    assert not depends_on_tangents(dl.materials.conductor(anisotropy=0.0))
-    assert depends_on_tangents(dl.materials.openpbr(specular_roughness_anisotropy=0.2))
-    assert depends_on_tangents(dl.materials.openpbr(tangent_map=(0.5, 1, 0.5)))
-    assert depends_on_tangents(dl.materials.openpbr(geometry_coat_normal=(0.5, 0.6, 0.9)))
+    first, second = {"tangents"}, {"second_tangents"}
+    assert needed_tangents(plain) == set()
+    assert needed_tangents(mapped) == first
+    assert needed_tangents(dl.materials.mix(first=plain, second=mapped, amount=0.5)) == first
+    assert needed_tangents(dl.materials.conductor(anisotropy=0.5)) == first
+    assert needed_tangents(dl.materials.conductor(anisotropy=0.0)) == set()
+    assert needed_tangents(dl.materials.openpbr(specular_roughness_anisotropy=0.2)) == first
+    assert needed_tangents(dl.materials.openpbr(tangent_map=(0.5, 1, 0.5))) == first
+    assert needed_tangents(dl.materials.openpbr(geometry_coat_normal=(0.5, 0.6, 0.9))) == first
+    assert needed_tangents(dl.materials.diffuse(normal_map=other)) == second
+    both = dl.materials.openpbr(normal_map=image, geometry_coat_normal=dl.textures.scaled(other, scale=0.9))
+    assert needed_tangents(both) == first | second
+
+
+def test_second_tangents_are_those_of_the_second_set_alone():
+    """Each set has the tangents that it has by itself, whatever vertices the other one doubles."""
+    arrays = dict(mikktspace_mesh.sheet())
+    uv = arrays["uvs"].astype(np.float64)
+    arrays["second_uvs"] = np.stack([abs(uv[:, 1] - 0.4), 0.7 * uv[:, 0] + 0.2 * uv[:, 1]], 1).astype(np.float32)
+    made = with_tangents(with_tangents(arrays), "second_tangents")
+    swapped = {**arrays, "uvs": arrays["second_uvs"]}
+    for name, source in (("tangents", arrays), ("second_tangents", swapped)):
+        alone = with_tangents(source)
+        np.testing.assert_array_equal(made[name][made["indices"]], alone["tangents"][alone["indices"]])
+    np.testing.assert_array_equal(made["second_uvs"][made["indices"]], arrays["second_uvs"][arrays["indices"]])
 
 
 @pytest.mark.parametrize("shape", ["sphere", "quad"])

@@ -135,17 +135,20 @@ def test_bump_maps_read_it(device: str) -> None:
 
 def test_what_is_wrong_with_it() -> None:
     second = dl.materials.diffuse(reflectance=image("second"))
-    both = dl.textures.checker_uv(even=image("second"), odd=0.5)
+    mixed = dl.textures.checker_uv(even=image("second"), odd=image("first"))
     for shape, said in (
         (sheet(second, second_uvs=None), r"shapes\[0\]\.material: an image of the second uv set.*uv_set: first"),
         (dl.shapes.quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material=second), "an image of the second uv set"),
         (dl.shapes.sphere((0, 0, 0), 1, material=second), "an image of the second uv set"),
-        (sheet(dl.materials.diffuse(bump=both)), "a bump map of two uv sets"),
+        (sheet(dl.materials.diffuse(normal_map=mixed)), r"material\.normal_map: directions by two uv sets"),
+        (sheet(dl.materials.openpbr(geometry_coat_normal=image("first"), geometry_coat_tangent=image("second"))),
+         r"geometry_coat_normal: directions by two uv sets"),
         (sheet(second, second_uvs=SECOND[:3]), "3 second_uvs for 4 vertices"),
         (sheet(second, second_uvs=SECOND * np.nan), "not a finite number"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(SceneError, match=said):
             scene_of(shape).compile()
+    scene_of(sheet(dl.materials.diffuse(bump=mixed))).compile()  # heights may
     with pytest.raises(SceneError, match="uv_set: unknown choice"):
         image("third")
 

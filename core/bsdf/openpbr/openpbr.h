@@ -64,15 +64,12 @@ struct OpenPbr {
           .range(0, 1),
       scalar("transmission_depth", &S::transmission_depth, 0, "where transmission_color is reached; 0: no medium")
           .at_least(0)
-          .unit("m")
-          .constant(),
+          .unit("m"),
       color("transmission_scatter", &S::transmission_scatter, Vec3(0.0f), "scattering inside, times transmission_depth")
-          .range(0, 1)
-          .constant(),
+          .range(0, 1),
       scalar("transmission_scatter_anisotropy", &S::transmission_scatter_anisotropy, 0,
              "mean cosine of that scattering (Henyey-Greenstein)")
-          .range(-0.99f, 0.99f)
-          .constant(),
+          .range(-0.99f, 0.99f),
       scalar("transmission_dispersion_scale", &S::transmission_dispersion_scale, 0, "amount of dispersion")
           .range(0, 1)
           .constant(),
@@ -85,15 +82,13 @@ struct OpenPbr {
       color("subsurface_color", &S::subsurface_color, Vec3(0.8f),
             "colour of light that has scattered below the surface")
           .range(0, 1),
-      scalar("subsurface_radius", &S::subsurface_radius, 1, "mean free path inside").at_least(0).unit("m").constant(),
+      scalar("subsurface_radius", &S::subsurface_radius, 1, "mean free path inside").at_least(0).unit("m"),
       color("subsurface_radius_scale", &S::subsurface_radius_scale, Vec3(1, 0.5f, 0.25f),
             "multiplies the mean free path, per colour")
-          .range(0, 1)
-          .constant(),
+          .range(0, 1),
       scalar("subsurface_scatter_anisotropy", &S::subsurface_scatter_anisotropy, 0,
              "mean cosine of scattering (Henyey-Greenstein); in thin sheets from back (-1) to through (1)")
-          .range(-0.99f, 0.99f)
-          .constant(),
+          .range(-0.99f, 0.99f),
       scalar("coat_weight", &S::coat_weight, 0, "coverage of the coat").range(0, 1),
       color("coat_color", &S::coat_color, Vec3(1), "what is left of light after two ways straight through the coat")
           .range(0, 1),
@@ -170,6 +165,12 @@ struct OpenPbr {
   // The same for who asks several times about one wo.
   using Seen = openpbr::Layers::Seen;
   DST_HD Seen see(Vec3 wo) const { return layers.see(wo); }
+  // What a denoiser takes for the albedo: the colours of all lobes by their shares. Gloss counts as what is below it.
+  DST_HD Vec3 albedo(const Seen& wo) const {
+    const openpbr::Base& b = layers.base;
+    const Vec3 base = b.color * (b.metal + b.diffuse) + b.below_color * b.below + transmission_color * b.through;
+    return lerp(layers.fuzz.color, base * lerp(Vec3(1), coat_color, layers.coat), wo.view.through_fuzz);
+  }
   DST_HD Vec3 eval(const Seen& wo, Vec3 wi) const { return layers.eval(wo, wi); }
   DST_HD float pdf(const Seen& wo, Vec3 wi) const { return layers.pdf(wo, wi); }
   DST_HD BsdfSample sample(const Seen& wo, float uc, Vec2 u) const { return layers.sample(wo, uc, u); }

@@ -36,7 +36,7 @@ EXTENSIONS = frozenset(
     }
     | layers.EXTENSIONS
 )
-_TEXTURED = (  # extension, member: where textures may stand
+TEXTURED = (  # extension, member: where textures may stand
     ("pbrMetallicRoughness", "baseColorTexture"),
     ("pbrMetallicRoughness", "metallicRoughnessTexture"),
     ("", "emissiveTexture"),
@@ -85,7 +85,7 @@ class Materials:
         return self._made[key]
 
     def uv_sets(self, item: Item | None) -> tuple[int | None, int | None]:
-        """Which two TEXCOORD_n the material's textures read; None: no (other) one.
+        """Which two TEXCOORD_n the material's textures read; None: no (other) one. FormatError: there is a third.
 
         The first is that of what needs tangents, else of the base colour.
         """
@@ -95,15 +95,15 @@ class Materials:
         for name, key in _BY_TANGENTS:
             owner = item.extension(name)
             bound.append(None if owner is None else owner.item(key))
-        sets = [uv_set(info) for info in (*bound, *_texture_infos(item)) if info is not None]
+        infos = [info for info in (*bound, *_texture_infos(item)) if info is not None]
+        sets = [uv_set(info) for info in infos]
         first = sets[0] if sets else None
-        others = sorted(set(sets) - {first})
-        if len(others) > 1:
-            self._note(
-                f"{item.place}: its textures use {len(others) + 1} UV sets; TEXCOORD_{first} stands for those "
-                f"after TEXCOORD_{others[0]}"
-            )
-        return first, others[0] if others else None
+        second = next((number for number in sets if number != first), None)
+        for info, number in zip(infos, sets, strict=True):
+            if number not in (first, second):
+                expected = f"TEXCOORD_{first} or TEXCOORD_{second}, which its other textures read"
+                raise info.error("a third set of texture coordinates in one material", value=number, expected=expected)
+        return first, second
 
     def _note(self, text: str) -> None:
         if text not in self._notes:
@@ -216,7 +216,7 @@ class Materials:
 
 def _texture_infos(item: Item) -> list[Item]:
     found = []
-    for holder, key in _TEXTURED:
+    for holder, key in TEXTURED:
         owner = item if not holder else item.extension(holder) if holder.startswith("KHR") else item.item(holder)
         info = None if owner is None else owner.item(key)
         if info is not None:
