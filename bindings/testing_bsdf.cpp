@@ -182,9 +182,10 @@ void register_optics(nb::module_& m) {
         const Vec3 d = {w[0], w[1], w[2]};
         const openpbr::SeenFacets seen = openpbr::seen_facets(d, g);
         const float above = eta < 1 ? 1 / eta : eta;
+        const openpbr::Losses lost = openpbr::losses(d, g, above);
         nb::dict out;
         out["facets_lose"] = seen.lost, out["facets_lose_mean"] = openpbr::facets_lose_mean(g);
-        out["lost"] = openpbr::lost(d, g, eta), out["lost_mean"] = openpbr::lost_mean(g, eta);
+        out["lost"] = eta < 1 ? lost.below : lost.above, out["lost_mean"] = openpbr::lost_mean(g, eta);
         out["reflected"] = seen.reflected(above), out["reflected_mean"] = openpbr::reflected_mean(g, above);
         return out;
       },

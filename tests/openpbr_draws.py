@@ -20,7 +20,8 @@ def even(first: int, last: int, steps: int) -> st.SearchStrategy[float]:
 unit = even(0, 10_000, 10_000)
 tiny = st.sampled_from([1e-45, 1e-39, 4e-34, 1e-20, 1e-9, 1e-6, 9e-6, 1.1e-5, 1 - 2e-5, 1 - 1e-6, 1 - 2**-24])
 share = st.one_of(st.sampled_from([0.0, 1.0]), unit, tiny)
-index, any_index = even(1000, 3000, 1000), st.one_of(even(334, 3000, 1000), even(100, 10_000, 1000))
+extreme = st.sampled_from([1e-3, 0.02, 30.0, 100.0, 1e9])
+index, any_index = even(1000, 3000, 1000), st.one_of(even(334, 3000, 1000), even(100, 10_000, 1000), extreme)
 colour = st.tuples(unit, unit, unit)
 
 BASE = {

@@ -39,13 +39,15 @@ MODULE_LAYER = 8
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
 # Tables of numbers or names, which no reader reads; and nothing else.
-LONG_FILES = {"core/bsdf/openpbr/tables.h", "core/bsdf/openpbr/film_tables.h"}
-TABLES = ("facet", "loss", "stretched", "stretched_loss", "stretched_reflected_mean", "stretched_loss_mean", "fuzz")
-TABLES += ("reflected_mean", "loss_mean", "coupling")
+LONG_FILES = {f"core/bsdf/openpbr/{name}.h" for name in ("tables", "loss_tables", "film_tables")}
+TABLES = ("facet", "stretched", "stretched_reflected_mean", "fuzz", "reflected_mean", "coupling")
+LOSS_TABLES = ("loss_word", "stretched_loss_word", "loss_curve_word", "stretched_loss_curve_word")
+LOSS_TABLES += ("loss_mean_entry", "stretched_loss_mean_entry")
 FILM_TABLES = ("strata", "stretched_strata", "mean_strata", "stretched_mean_strata")
 LONG_FUNCTIONS = {
     *(f"core/bsdf/ggx_albedo_table.h:ggx_albedo_{table}" for table in "ab"),
     *(f"core/bsdf/openpbr/tables.h:{table}_entry" for table in TABLES),
+    *(f"core/bsdf/openpbr/loss_tables.h:{table}" for table in LOSS_TABLES),
     *(f"core/bsdf/openpbr/film_tables.h:{table}_entry" for table in FILM_TABLES),
 }
 

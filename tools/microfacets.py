@@ -66,6 +66,17 @@ def cosine_mean(rows: Floats) -> Floats:
     return np.asarray(np.sum(base * (hi**4 - lo**4) + 0.8 * slope * (hi**5 - lo**5), axis=-1))
 
 
+def evened(values: Floats, axis: int) -> Floats:
+    """Return node values so that what is interpolated between them is off half as much, and to both sides.
+
+    Linear interpolation is off by up to an eighth of the second difference, a twelfth in the mean. Values at both ends
+    stay.
+    """
+    v = np.moveaxis(values, axis, 0).copy()
+    v[1:-1] -= np.diff(v, 2, axis=0) / 12
+    return np.moveaxis(v, 0, axis)
+
+
 def lines(words: list[str]) -> str:
     """Return words as C++ initialiser lines."""
     out, line = [], "     "

@@ -38,26 +38,12 @@ def seen_cosine(cosine: Floats, alpha: Floats) -> Floats:
     return np.sqrt(cosine**2 + 0.5 * alpha**2 * (1 - cosine**2))
 
 
-def step(s: Floats, seen: Floats) -> Floats:
-    """Return the coordinate of |eta - 1| / (eta + 1): at small ratios it goes by what they are to the seen cosine."""
-    g, k = np.sqrt(s), 0.7 * seen
-    return 0.4 * s + 0.6 * g * (1 + k) / (g + k)
-
-
-def step_to_s(u: Floats, seen: float) -> Floats:
-    """Return the inverse of `step`, by bisection."""
-    lo, hi = np.zeros_like(u), np.ones_like(u)
-    for _ in range(50):
-        g = (lo + hi) / 2
-        below = step(g * g, np.float64(seen)) < u
-        lo, hi = np.where(below, g, lo), np.where(below, hi, g)
-    return np.asarray(((lo + hi) / 2) ** 2)
-
-
-def ratios(below: int, above: int, seen: float) -> Floats:
-    """Return the ratios of indices (below + above - 1,) at the nodes of the table of losses, without its ends."""
-    s = [np.clip(step_to_s(np.linspace(0, 1, n), seen), 1e-9, 0.9998) for n in (below, above)]
-    return np.concatenate([((1 - s[0]) / (1 + s[0]))[::-1], ((1 + s[1]) / (1 - s[1]))[1:]])
+def steady(means: Floats, roughnesses: Floats) -> Floats:
+    """Return mean losses (N, ...) over roughness^1.5: small ones keep their digits."""
+    scaled = means / np.maximum(roughnesses, 1e-9).reshape(-1, *[1] * (means.ndim - 1)) ** 1.5
+    none = roughnesses == 0
+    scaled[none] = scaled[np.count_nonzero(none) : 2 * np.count_nonzero(none)]
+    return scaled
 
 
 # --- scattering ------------------------------------------------------------------------------------------------------
@@ -104,12 +90,6 @@ class Facets:
         below = self.h * (self.cosine / eta - t)[:, None] - self.out / eta
         passed = (1 - f) * masked(self.out, below * [1, 1, -1], self.ax, self.ay)
         return float(np.clip(1 - np.mean(f * self.kept + passed), 0, 1))
-
-    def losses(self, below: int, above: int) -> Floats:
-        """Return the losses (below + above - 1,) at the table's nodes; at both ends all is reflected."""
-        along = np.hypot(self.ax * self.out[0], self.ay * self.out[1]) / np.hypot(*self.out[:2])
-        etas = ratios(below, above, float(seen_cosine(self.out[2], along)))
-        return np.array([self.lost(), *(self.loss(eta) for eta in etas[1:-1]), self.lost()])
 
 
 def isotropic(c: float, roughness: float, square: tuple[Floats, Floats]) -> Facets:

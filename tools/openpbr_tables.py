@@ -1,13 +1,16 @@
 """Write core/bsdf/openpbr/tables.h: albedos of OpenPBR's lobes, by quadrature.
 
-Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h, then clang-format -i on it. Takes two minutes.
+Usage: python tools/openpbr_tables.py > core/bsdf/openpbr/tables.h, on all cores; a quarter of an hour of one.
 """
 
 from __future__ import annotations
 
+import itertools
+from concurrent.futures import ProcessPoolExecutor
+
 import numpy as np
 
-from microfacets import Floats, lattice, lines
+from microfacets import Floats, evened, lattice, lines
 from openpbr_facets import (
     MOST_RATIO,
     MOST_STRETCH,
@@ -18,22 +21,18 @@ from openpbr_facets import (
     isotropic,
     place,
     seen_cosine,
-    step,
+    steady,
     two_cosines,
 )
 
-COSINES, ROUGHNESSES = 24, 24  # isotropic facets: by `place`, and by roughness
-BELOW, ABOVE = 21, 13  # nodes of the ratio of indices below and above 1, by `step`; they share the one at 1
-MEAN_RATIOS, MEAN_STEPS = 33, 33  # of the means: by s = (eta - 1) / (eta + 1), and by its signed root
+COSINES, ROUGHNESSES = 32, 32  # isotropic facets: by `place`, and by roughness
+MEAN_RATIOS = 65  # of the means: by s = (eta - 1) / (eta + 1)
 # Anisotropic: by `place`, the root of how far alpha along the azimuth is from ay to ax, (ax - ay) / (ax + ay),
 # roughness.
-STRETCHED, STRETCHED_LOSS = (12, 6, 5, 10), (10, 8, 5, 8)
-STRETCHED_BELOW, STRETCHED_ABOVE = 12, 9
-STRETCHED_MEAN_RATIOS, STRETCHED_MEAN_STEPS = 17, 17
-# Between two roughnesses of a table the mean of what is looked up bends: means have those between, too.
-MEAN_ROUGHNESSES, STRETCHED_MEAN_ROUGHNESSES, LOSS_MEAN_ROUGHNESSES = (
-    2 * n - 1 for n in (ROUGHNESSES, STRETCHED[3], STRETCHED_LOSS[3])
-)
+STRETCHED = (18, 9, 8, 13)
+STRETCHED_MEAN_RATIOS = 33
+# Between two nodes of a table the mean of what is looked up bends: means have more nodes, by the root of roughness.
+MEAN_ROUGHNESSES, MEAN_STRETCHES, STRETCHED_MEAN_ROUGHNESSES = 61, 2 * STRETCHED[2] - 1, 45
 FUZZ_COSINES, FUZZ_ROUGHNESSES, LEAST_FUZZ = 48, 24, 0.1
 FINE, COARSE = lattice(23), lattice(21)  # points of quadrature for isotropic and anisotropic facets
 
@@ -67,39 +66,33 @@ def facet_table() -> Floats:
     for r in grid(ROUGHNESSES)[::-1]:
         row, known = fitted([isotropic(c, r, FINE) for c in grid(COSINES)], known)
         rows.append(row)
+    return evenly_lost(np.array(rows[::-1]))
+
+
+def stretched_column(stretch_and_turn: tuple[float, float]) -> Floats:
+    """Return (roughness, cosine, 4)."""
+    rows, known = [], None
+    for r in grid(STRETCHED[3])[::-1]:
+        row, known = fitted([anisotropic(c, *stretch_and_turn[::-1], r, COARSE) for c in grid(STRETCHED[0])], known)
+        rows.append(row)
     return np.array(rows[::-1])
 
 
 def stretched_table() -> Floats:
     """Return (roughness, stretch, turn, cosine, 4)."""
     cosines, turns, stretches, roughnesses = STRETCHED
-    out = np.empty((roughnesses, stretches, turns, cosines, 4))
-    known: dict[int, list[Floats]] = {}  # by stretch: the fits of the first turn
-    beside: list[Floats] | None = None
-    for i in range(roughnesses)[::-1]:
-        for j, stretch in enumerate(grid(stretches) * MOST_STRETCH):
-            beside = known.get(j, beside)
-            for k, turn in enumerate(grid(turns)):
-                row = [anisotropic(c, turn, stretch, grid(roughnesses)[i], COARSE) for c in grid(cosines)]
-                out[i, j, k], beside = fitted(row, beside)
-                if k == 0:
-                    known[j] = beside
-    return out
+    with ProcessPoolExecutor() as pool:
+        columns = list(pool.map(stretched_column, itertools.product(grid(stretches) * MOST_STRETCH, grid(turns))))
+    rows = np.array(columns).reshape(stretches, turns, roughnesses, cosines, 4)
+    return evenly_lost(rows.transpose(2, 0, 1, 3, 4))
 
 
-def loss_table() -> Floats:
-    """Return (roughness, cosine, ratio)."""
-    return np.array([[isotropic(c, r, FINE).losses(BELOW, ABOVE) for c in grid(COSINES)] for r in grid(ROUGHNESSES)])
-
-
-def stretched_loss_table() -> Floats:
-    """Return (roughness, stretch, turn, cosine, ratio)."""
-    cosines, turns, stretches, roughnesses = (grid(n) for n in STRETCHED_LOSS)
-
-    def at(c: float, t: float, s: float, r: float) -> Floats:
-        return anisotropic(c, t, s * MOST_STRETCH, r, COARSE).losses(STRETCHED_BELOW, STRETCHED_ABOVE)
-
-    return np.array([[[[at(c, t, s, r) for c in cosines] for t in turns] for s in stretches] for r in roughnesses])
+def evenly_lost(facets: Floats) -> Floats:
+    """Return the table (..., 4) with what is lost evened between nodes."""
+    lost = facets[..., 0]
+    for axis in range(lost.ndim):
+        lost = evened(lost, axis)
+    return np.concatenate([np.clip(lost, 0, 1)[..., None], facets[..., 1:]], axis=-1)
 
 
 # --- their means over directions, as the core looks the tables up -----------------------------------------------------
@@ -113,12 +106,6 @@ def between(values: Floats, at: Floats) -> Floats:
     return np.asarray(values[i] * (1 - f) + values[i + 1] * f)
 
 
-def step_place(s: Floats, seen: Floats, below: int, above: int) -> Floats:
-    """Return where the table of losses, of below + above - 1 ratios, has a signed s: in [0, 1]."""
-    u = step(np.abs(s), seen)
-    return np.where(s < 0, (below - 1) * (1 - u), below - 1 + (above - 1) * u) / (below + above - 2)
-
-
 def mean_reflected(facets: Floats, seen: Floats, weights: Floats, ratios: int) -> Floats:
     """Return (ratios,) of numbers (N, 4) of directions that weigh `weights` (N,)."""
     s = grid(ratios)[:-1]
@@ -128,37 +115,17 @@ def mean_reflected(facets: Floats, seen: Floats, weights: Floats, ratios: int) -
     return np.append(up, (1 - lost) @ weights)
 
 
-def mean_loss(losses: Floats, seen: Floats, weights: Floats, counts: tuple[int, int, int]) -> Floats:
-    """Return (steps,) of losses (N, ratios) of directions."""
-    below, above, steps = counts
-    t = np.linspace(-1, 1, steps)
-    rows = np.arange(len(losses))
-    out = []
-    for s in t * np.abs(t):
-        at = step_place(s, seen, below, above) * (losses.shape[1] - 1)
-        i = np.minimum(at.astype(int), losses.shape[1] - 2)
-        out.append((losses[rows, i] * (1 - at + i) + losses[rows, i + 1] * (at - i)) @ weights)
-    return np.array(out)
-
-
-def isotropic_means(facets: Floats, losses: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return means (roughness,) of what perfect facets lose, (roughness, MEAN_RATIOS), (roughness, MEAN_STEPS)."""
+def isotropic_means(facets: Floats) -> tuple[Floats, Floats]:
+    """Return means (roughness,) of what perfect facets lose, and (roughness, MEAN_RATIOS) of what is reflected."""
     x = (np.arange(2000) + 0.5) / 2000
     weights = 4 * x**3 / len(x)
-    rows = []
-    rs = grid(MEAN_ROUGHNESSES)
-    for r, f, w in zip(rs, between(facets, rs), between(losses, rs), strict=True):
-        c, seen = place(x, r), seen_cosine(x * x, r * r)
-        at = between(f, c)
-        rows.append(
-            (
-                at[:, 0] @ weights,
-                mean_reflected(at, seen, weights, MEAN_RATIOS),
-                mean_loss(between(w, c), seen, weights, (BELOW, ABOVE, MEAN_STEPS)),
-            )
-        )
-    lost, reflected, loss = zip(*rows, strict=True)
-    return np.array(lost), np.array(reflected), np.array(loss)
+    lost, up = [], []
+    rs = grid(MEAN_ROUGHNESSES) ** 2
+    for r, f in zip(rs, between(facets, rs), strict=True):
+        at = between(f, place(x, r))
+        lost.append(at[:, 0] @ weights)
+        up.append(mean_reflected(at, seen_cosine(x * x, r * r), weights, MEAN_RATIOS))
+    return np.array(lost), np.array(up)
 
 
 def rough_diffuse(cosine: Floats, incident: Floats) -> Floats:
@@ -207,7 +174,7 @@ def stretched_directions(stretch: float, roughness: float) -> tuple[Floats, Floa
     return place(x, np.sqrt(along)), turn, seen_cosine(x * x, along), 4 * x**3 / len(x)
 
 
-def stretched_means(facets: Floats, losses: Floats) -> tuple[Floats, Floats, Floats]:
+def stretched_means(facets: Floats) -> tuple[Floats, Floats]:
     """Return the same with stretch after roughness."""
 
     def rows_at(table: Floats, c: Floats, turn: Floats) -> Floats:
@@ -220,27 +187,15 @@ def stretched_means(facets: Floats, losses: Floats) -> tuple[Floats, Floats, Flo
             out[m] = between(table[k], c[m]) * (1 - f) + between(table[k + 1], c[m]) * f
         return out
 
-    lost, up, loss = [], [], []
-    for table, roughnesses in ((facets, STRETCHED_MEAN_ROUGHNESSES), (losses, LOSS_MEAN_ROUGHNESSES)):
-        for r, rows in zip(grid(roughnesses), between(table, grid(roughnesses)), strict=True):
-            for s, row in zip(grid(len(rows)) * MOST_STRETCH, rows, strict=True):
-                c, turn, seen, weights = stretched_directions(s, r)
-                at = rows_at(row, c, turn)
-                if table is losses:
-                    counts = STRETCHED_BELOW, STRETCHED_ABOVE, STRETCHED_MEAN_STEPS
-                    loss.append(mean_loss(at, seen, weights, counts))
-                else:
-                    lost.append(at[:, 0] @ weights)
-                    up.append(mean_reflected(at, seen, weights, STRETCHED_MEAN_RATIOS))
-    return np.array(lost), np.array(up), np.array(loss)
-
-
-def steady(means: Floats, roughnesses: Floats) -> Floats:
-    """Return mean losses (N, ...) over what they go by, roughness^3.5: that can be interpolated down to none."""
-    scaled = means / np.maximum(roughnesses, 1e-9).reshape(-1, *[1] * (means.ndim - 1)) ** 3.5
-    none = roughnesses == 0
-    scaled[none] = scaled[np.count_nonzero(none) : 2 * np.count_nonzero(none)]
-    return scaled
+    lost, up = [], []
+    rs, stretches = grid(STRETCHED_MEAN_ROUGHNESSES) ** 2, grid(MEAN_STRETCHES)
+    for r, rows in zip(rs, between(facets, rs), strict=True):
+        for s, row in zip(stretches * MOST_STRETCH, between(rows, stretches), strict=True):
+            c, turn, seen, weights = stretched_directions(s, r)
+            at = rows_at(row, c, turn)
+            lost.append(at[:, 0] @ weights)
+            up.append(mean_reflected(at, seen, weights, STRETCHED_MEAN_RATIOS))
+    return np.array(lost), np.array(up)
 
 
 def fuzz_albedo(mu: float, roughness: float) -> float:
@@ -286,14 +241,10 @@ def facet_entries(name: str, doc: str, values: Floats) -> str:
 def sizes() -> str:
     """Return the tables' sizes as constants."""
     names = {
-        "kCosines": COSINES, "kRoughnesses": ROUGHNESSES, "kBelow": BELOW, "kAbove": ABOVE,
-        "kMeanRatios": MEAN_RATIOS, "kMeanSteps": MEAN_STEPS,
-        "kMeanRoughnesses": MEAN_ROUGHNESSES, "kStretchedMeanRoughnesses": STRETCHED_MEAN_ROUGHNESSES,
-        "kLossMeanRoughnesses": LOSS_MEAN_ROUGHNESSES,
+        "kCosines": COSINES, "kRoughnesses": ROUGHNESSES, "kMeanRatios": MEAN_RATIOS,
+        "kMeanRoughnesses": MEAN_ROUGHNESSES, "kMeanStretches": MEAN_STRETCHES,
+        "kStretchedMeanRoughnesses": STRETCHED_MEAN_ROUGHNESSES, "kStretchedMeanRatios": STRETCHED_MEAN_RATIOS,
         **dict(zip(("kStretchedCosines", "kTurns", "kStretches", "kStretchedRoughnesses"), STRETCHED, strict=True)),
-        **dict(zip(("kLossCosines", "kLossTurns", "kLossStretches", "kLossRoughnesses"), STRETCHED_LOSS, strict=True)),
-        "kStretchedBelow": STRETCHED_BELOW, "kStretchedAbove": STRETCHED_ABOVE,
-        "kStretchedMeanRatios": STRETCHED_MEAN_RATIOS, "kStretchedMeanSteps": STRETCHED_MEAN_STEPS,
         "kFuzzCosines": FUZZ_COSINES, "kFuzzRoughnesses": FUZZ_ROUGHNESSES,
     }  # fmt: skip
     return "\n".join(f"inline constexpr int {name} = {n};" for name, n in names.items())
@@ -302,7 +253,7 @@ def sizes() -> str:
 HEAD = f"""\
 // Written by tools/openpbr_tables.py; do not edit.
 //
-// GGX facets between dielectrics (Smith, height-correlated, single scattering). What the axes are is in albedo.h.
+// GGX facets (Smith, height-correlated, single scattering). What the axes are is in albedo.h.
 // 16-bit fractions of 1; cosines are over that of `seen_cosine`, a fraction of kMostRatio.
 #pragma once
 
@@ -321,31 +272,19 @@ struct alignas(8) FacetEntry {{
 
 def main() -> None:
     """Print the header."""
-    facets, losses = facet_table(), loss_table()
-    stretched, stretched_losses = stretched_table(), stretched_loss_table()
-    means = isotropic_means(facets, losses), stretched_means(stretched, stretched_losses)
+    facets, stretched = facet_table(), stretched_table()
+    means = isotropic_means(facets), stretched_means(stretched)
     mus = np.maximum(grid(FUZZ_COSINES) ** 2, 1e-4)
     rs = LEAST_FUZZ + (1 - LEAST_FUZZ) * grid(FUZZ_ROUGHNESSES) ** 2
     fuzz = np.array([[fuzz_albedo(mu, r) for mu in mus] for r in rs])
     print(HEAD, end="")
     print(facet_entries("facet_entry", "Isotropic facets: place, roughness.", facets))
-    print(table("loss_entry", "What they lose between dielectrics: ratio of indices, place, roughness.", losses))
     print(facet_entries("stretched_entry", "Anisotropic facets: place, turn, stretch, roughness.", stretched))
-    doc = "What they lose: ratio of indices, place, turn, stretch, roughness."
-    print(table("stretched_loss_entry", doc, stretched_losses))
-    rows = (
-        grid(MEAN_ROUGHNESSES),
-        np.repeat(grid(STRETCHED_MEAN_ROUGHNESSES), STRETCHED[2]),
-        np.repeat(grid(LOSS_MEAN_ROUGHNESSES), STRETCHED_LOSS[2]),
-    )
-    for prefix, (lost, reflected, loss), r, r_loss in zip(
-        ("", "stretched_"), means, rows[:2], (rows[0], rows[2]), strict=True
-    ):
-        doc = "Mean of what perfect facets lose, over roughness^3.5, a twelfth."
-        print(table(f"{prefix}lost_mean_entry", doc, steady(lost, r) / 12))
+    rows = grid(MEAN_ROUGHNESSES) ** 2, np.repeat(grid(STRETCHED_MEAN_ROUGHNESSES) ** 2, MEAN_STRETCHES)
+    for prefix, (lost, reflected), r in zip(("", "stretched_"), means, rows, strict=True):
+        doc = "Mean of what perfect facets lose, over roughness^1.5."
+        print(table(f"{prefix}lost_mean_entry", doc, steady(lost, r)))
         print(table(f"{prefix}reflected_mean_entry", "Mean of what dielectrics reflect, by s first.", reflected))
-        doc = "Mean of what they lose, so scaled, by the signed root of s first."
-        print(table(f"{prefix}loss_mean_entry", doc, steady(loss, r_loss) / 12))
     doc = "Half and 16 times what rough diffuse bases are to be held back by: by s first."
     print(table("coupling_entry", doc, 0.5 + 16 * coupling_table(facets)))
     doc = "A quarter of the albedo of the fuzz lobe, which may exceed 1 before it is normalised."

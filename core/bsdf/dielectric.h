@@ -27,7 +27,7 @@ struct Dielectric {
   static constexpr const char* doc = "Glass, water and the like, clear or frosted, with dispersion by Abbe number.";
   static constexpr auto params = param_list<Dielectric>(
       scalar("ior", &Dielectric::ior, 1.5f, "index of refraction of the inside, at 587.56 nm")
-          .range(0.1f, 10)
+          .at_least(kLeastIor)
           .constant(),
       scalar("abbe", &Dielectric::abbe, 0, "Abbe number of the inside (glass: 20 to 90; lower disperses more); 0: none")
           .range(0, 1000)
@@ -39,8 +39,8 @@ struct Dielectric {
       choice("fresnel", &Dielectric::fresnel, "exact schlick", Exact, "schlick: the books' approximation"));
 
   DST_HD void prepare(const BsdfContext& context) {
-    const float inside = cauchy_ior(ior, abbe, context.wavelength);
-    eta = context.front ? inside / context.outside_ior : context.outside_ior / inside;
+    const float inwards = ior_ratio(cauchy_ior(ior, abbe, context.wavelength), context.outside_ior);
+    eta = context.front ? inwards : 1.0f / inwards;
     ggx = Ggx::from_roughness(roughness);
   }
   // True if the path must settle for one wavelength here (BsdfContext::wavelength) to be refracted by its true colours.

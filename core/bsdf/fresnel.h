@@ -5,6 +5,11 @@
 
 namespace destello {
 
+// Indices of refraction are any from here on; ratios of two are held to where tables and single precision reach. Farther
+// out reflectance head-on would change by less than 4 %.
+inline constexpr float kLeastIor = 1e-3f, kLeastIorRatio = 0.01f, kMostIorRatio = 100;
+DST_FN float ior_ratio(float inside, float outside) { return clamp(inside / outside, kLeastIorRatio, kMostIorRatio); }
+
 // How a plane wave meets a boundary: `reflectance` in [0, 1], `cos_t` the cosine of the refracted direction (0 under
 // total internal reflection).
 struct Fresnel {

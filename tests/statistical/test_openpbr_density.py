@@ -67,7 +67,9 @@ def parameters() -> st.SearchStrategy[dict[str, Any]]:
             drawn[name] = MAPPED[name]
             continue
         lo, hi = LIMITS.get(name, (max(p["min"], -4.0), min(p["max"], 4.0)))
-        if p["kind"] == "bool":
+        if name in ("specular_ior", "coat_ior"):
+            drawn[name] = st.one_of(steps(lo, hi), st.sampled_from([30.0, 100.0, 1e9]))
+        elif p["kind"] == "bool":
             drawn[name] = st.booleans()
         elif p["kind"] != "scalar":
             drawn[name] = st.tuples(*[steps(lo, hi)] * 3)

@@ -16,11 +16,12 @@ from scipy.stats import qmc
 
 from bsdf_cases import Case, direction
 
-U = qmc.Sobol(3, rng=7).random(8192).astype(np.float32).clip(0, 1 - 2**-24)
+U = qmc.Sobol(3, rng=7).random(2**18).astype(np.float32).clip(0, 1 - 2**-24)
 WHITE = {"base_color": 1.0, "subsurface_color": 1.0}
 COSINES, TURNS = (0.01, 0.05, 0.2, 0.5, 0.9), (0.0, 0.06, 0.13, 0.19, 0.25)
 ROUGHNESSES, FEWER = (0.0, 0.05, 0.12, 0.22, 0.4, 0.6, 0.8, 1.0), (0.2, 0.45, 0.7, 1.0)
 INDICES = (0.15, 0.6, 1.1, 1.5, 2.4, 4.0, 10.0)
+EXTREME = (1e-3, 0.04, 30.0, 1e9)
 STRETCHED = (0.3, 0.6, 0.8, 0.95)
 
 METAL, GLASS, SUBSURFACE = ({name: 1.0} for name in ("base_metalness", "transmission_weight", "subsurface_weight"))
@@ -31,24 +32,29 @@ ALL = {"coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5, "base_meta
     "transmission_weight": 0.3, "subsurface_weight": 0.4, "base_diffuse_roughness": 0.5
 }  # fmt: skip
 LOBES = [
-    ("gloss", {}, "specular", (True,), 0.006, 0.014),
-    ("rough diffuse", {"base_diffuse_roughness": 1.0}, "specular", (True,), 0.01, 0.014),
-    ("metal", METAL, "specular", (True,), 0.012, 0.014),
-    ("glass from outside", GLASS, "specular", (True,), 0.014, 0.022),
-    ("glass from inside", GLASS, "specular", (False,), 0.014, 0.12),
-    ("subsurface", SUBSURFACE, "specular", (True, False), 0.006, 0.014),
-    ("sheet", SHEET, "specular", (True,), 0.006, 0.014),
-    ("coat", COAT, "coat", (True,), 0.006, 0.014),
-    ("all", ALL, "specular", (True,), 0.004, 0.01),
+    ("gloss", {}, "specular", (True,), 0.005, 0.006),
+    ("rough diffuse", {"base_diffuse_roughness": 1.0}, "specular", (True,), 0.008, 0.011),
+    ("metal", METAL, "specular", (True,), 0.004, 0.005),
+    ("glass from outside", GLASS, "specular", (True,), 0.006, 0.008),
+    ("glass from inside", GLASS, "specular", (False,), 0.006, 0.022),
+    ("subsurface", SUBSURFACE, "specular", (True, False), 0.005, 0.006),
+    ("sheet", SHEET, "specular", (True,), 0.006, 0.005),
+    ("coat", COAT, "coat", (True,), 0.005, 0.006),
+    ("all", ALL, "specular", (True,), 0.005, 0.006),
 ]
 
 
 def off(
     words: dict[str, Any], cosine: float, turns: float, *, front: bool, wavelength: float = 0
 ) -> NDArray[np.float64]:
-    """What a white surface gives back beyond what came, (3,)."""
+    """What a white surface gives back beyond what came, (3,).
+
+    Of what narrow facets lose at grazing angles most goes back there, where few samples go: that takes more of them.
+    """
+    narrow = min(words.get(f"{x}_roughness", 1.0) or 1.0 for x in ("specular", "coat")) < 0.15
+    rare = narrow and cosine < 0.1 and "thin_film_weight" not in words  # films take long
     case = Case("openpbr", {**WHITE, **words}, front=front, wavelength=wavelength)
-    power = case.sample(direction(cosine, turns), U).power()
+    power = case.sample(direction(cosine, turns), U if rare else U[:8192]).power()
     return np.asarray(power.mean(axis=0) - 1)
 
 
@@ -57,6 +63,15 @@ def test_isotropic(words: dict[str, Any], layer: str, sides: tuple[bool, ...], l
     for index, roughness, cosine, front in itertools.product(INDICES, ROUGHNESSES, COSINES, sides):
         case = {f"{layer}_ior": index, f"{layer}_roughness": roughness, **words}
         error = np.abs(off(case, cosine, 0.1, front=front)).max()
+        assert error < limit, f"{case} from {cosine}, front={front}: {error:.4f}"
+
+
+@pytest.mark.parametrize(("words", "layer", "sides"), [x[1:4] for x in LOBES], ids=[x[0] for x in LOBES])
+def test_extreme_indices(words: dict[str, Any], layer: str, sides: tuple[bool, ...]) -> None:
+    for index, roughness, cosine, front in itertools.product(EXTREME, ROUGHNESSES[::2], COSINES, sides):
+        case = {f"{layer}_ior": index, f"{layer}_roughness": roughness, **words}
+        error = np.abs(off(case, cosine, 0.1, front=front)).max()
+        limit = 0.025 if "base_diffuse_roughness" in words and layer == "specular" else 0.012
         assert error < limit, f"{case} from {cosine}, front={front}: {error:.4f}"
 
 

@@ -110,7 +110,7 @@ class Stack:
 
     def left(self, view: Any, other: Any, flipped: bool) -> Floats:
         """What the layers leave of light that comes along `other` (N, 3) and goes to `view`, (N, 3)."""
-        eta = np.clip(self.words["coat_ior"], 0.1, 10)
+        eta = np.clip(self.words["coat_ior"], 0.01, 100)
 
         def way(z: Any) -> Any:
             return 1 / np.sqrt(np.maximum(1 - (1 - z**2) / eta**2, 1e-4))

@@ -203,8 +203,11 @@ def test_what_goes_not_together_is_said(look: dict[str, Any], message: str) -> N
 
 
 def test_ranges_are_checked() -> None:
-    for name, value in (("specular_ior", 0.09), ("coat_ior", 10.1), ("coat_weight", 1.5), ("base_color", (1, 2, 0))):
+    indices = [(name, value) for name in ("specular_ior", "coat_ior") for value in (0.0, 9e-4, -1.5, np.nan, np.inf)]
+    for name, value in [*indices, ("coat_weight", 1.5), ("base_color", (1, 2, 0))]:
         with pytest.raises(dl.Error, match=name):
             dl.materials.openpbr(**{name: value})
+    for value in (1e-3, 1e30):
+        dl.materials.openpbr(specular_ior=value, coat_ior=value)
     with pytest.raises((dl.Error, TypeError), match="specular_rougness"):
         dl.materials.openpbr(specular_rougness=0.5)

@@ -27,7 +27,7 @@ def test_tables_are_the_albedos_of_single_scattering(ior: float, roughness: floa
     for front in (True, False):
         s = Case("dielectric", {"ior": ior, "roughness": roughness}, front=front).sample(wo, u)
         t = testing.openpbr_albedos(tuple(wo), alpha, alpha, ior if front else 1 / ior)
-        assert_mean(1 + s.power()[:, 0], 2 - t["lost"], comparisons=200, slack=0.004)
+        assert_mean(1 + s.power()[:, 0], 2 - t["lost"], comparisons=200, slack=0.003)
         if front:
             assert_mean(
                 1 + np.where(s.transmitted, 0, s.power()[:, 0]), 1 + t["reflected"], comparisons=200, slack=0.0015
@@ -47,10 +47,7 @@ def stretched(roughness: float, stretch: float) -> tuple[float, float]:
 @pytest.mark.parametrize("roughness", [0.25, 0.55, 0.9])
 @pytest.mark.parametrize("ior", [1.5, 2.0, 5.0])
 def test_tables_of_anisotropic_facets(ior: float, roughness: float, anisotropy: float) -> None:
-    """Against brute force, whichever the azimuth: within 0.012 of all light, losses from within glass within 0.06.
-
-    There total reflection begins at an edge that the table does not follow.
-    """
+    """Against brute force, whichever the azimuth: within 0.004 of all light, losses from within glass within 0.01."""
     aspect = 1 - anisotropy
     axes = stretched(roughness, (1 - aspect) / (1 + aspect))
     rng = np.random.default_rng([int(100 * ior), int(100 * roughness), int(10 * anisotropy)])
@@ -61,7 +58,7 @@ def test_tables_of_anisotropic_facets(ior: float, roughness: float, anisotropy: 
             tables, brute = testing.openpbr_albedos(tuple(wo), *axes, eta), single_scattering(wo, *axes, eta, u)
             for name, value in brute.items():
                 if name != "reflected" or eta > 1:
-                    slack = 0.06 if name == "lost" and eta < 1 else 0.012
+                    slack = 0.01 if name == "lost" and eta < 1 else 0.004
                     assert_mean(1 + value, 1 + tables[name], comparisons=2000, slack=slack)
 
 

@@ -50,15 +50,6 @@ DST_FN float place(float cosine, float roughness) {
 DST_FN float seen_cosine(float cosine, float alpha) {
   return min(sqrtf(cosine * cosine + 0.5f * alpha * alpha * (1 - cosine * cosine)), 1.0f);
 }
-// Of a ratio of indices, from 0 to infinity, in the table of losses: next to 1 it goes by the seen cosine, at which
-// reflection begins to matter.
-DST_FN float step(float eta, float seen, int below, int above) {
-  const float s = (eta - 1) / (eta + 1), g = sqrtf(fabsf(s)), k = 0.7f * seen;
-  const float u = 0.4f * fabsf(s) + 0.6f * g * (1 + k) / max(g + k, 1e-9f);
-  const float node =
-      static_cast<float>(below - 1) + (s < 0 ? -u * static_cast<float>(below - 1) : u * static_cast<float>(above - 1));
-  return node / static_cast<float>(below + above - 2);
-}
 DST_FN float mean_roughness(const Ggx& g) { return sqrtf(sqrtf(0.5f * (g.ax * g.ax + g.ay * g.ay))); }
 
 // Of anisotropic facets: how far they are stretched, whichever way.
@@ -116,48 +107,29 @@ DST_FN DST_COLD SeenFacets seen_facets(Vec3 w, Ggx g) {
                         [](int i) { return stretched_entry(i); });
 }
 
-// Share of light that single scattering at a boundary of dielectrics loses, neither reflected nor refracted; w.z >= 0.
-DST_FN DST_COLD float lost(Vec3 w, Ggx g, float eta) {
-  const float r = mean_roughness(g);
-  if (g.ax == g.ay) {
-    const float ratio = step(eta, seen_cosine(w.z, g.ax), kBelow, kAbove);
-    const Between at[] = {{ratio, kBelow + kAbove - 1}, {place(w.z, r), kCosines}, {r, kRoughnesses}};
-    return interpolate(at, {kBelow + kAbove - 1, kCosines, kRoughnesses}, [](int i) { return loss_entry(i); });
-  }
-  const Along a(w, g);
-  constexpr int ratios = kStretchedBelow + kStretchedAbove - 1;
-  const float ratio = step(eta, seen_cosine(w.z, a.alpha), kStretchedBelow, kStretchedAbove);
-  const Between at[] = {{ratio, ratios},
-                        {place(w.z, sqrtf(a.alpha)), kLossCosines},
-                        {a.turn, kLossTurns},
-                        stretch(g, kLossStretches),
-                        {r, kLossRoughnesses}};
-  return interpolate(at, {ratios, kLossCosines, kLossTurns, kLossStretches, kLossRoughnesses},
-                     [](int i) { return stretched_loss_entry(i); });
-}
-
 // --- means over cosine-distributed directions, of the above as it is looked up ---
 
-// Of losses the tables have a twelfth of what is left when this is divided out.
-DST_FN float mean_scale(float roughness) { return 12 * roughness * roughness * roughness * sqrtf(roughness); }
+// Between nodes of roughness the mean of what is looked up bends: these tables have nodes of their own, by its root, and of
+// losses what is left when this is divided out.
+DST_FN float mean_scale(float roughness) { return roughness * sqrtf(roughness); }
 DST_FN DST_COLD float facets_lose_mean(Ggx g) {
   const float r = mean_roughness(g), scale = mean_scale(r);
   if (g.ax == g.ay)
-    return scale *
-           interpolate({Between(r, kMeanRoughnesses)}, {kMeanRoughnesses}, [](int i) { return lost_mean_entry(i); });
-  const Between at[] = {stretch(g, kStretches), {r, kStretchedMeanRoughnesses}};
-  return scale *
-         interpolate(at, {kStretches, kStretchedMeanRoughnesses}, [](int i) { return stretched_lost_mean_entry(i); });
+    return scale * interpolate({Between(sqrtf(r), kMeanRoughnesses)}, {kMeanRoughnesses},
+                               [](int i) { return lost_mean_entry(i); });
+  const Between at[] = {stretch(g, kMeanStretches), {sqrtf(r), kStretchedMeanRoughnesses}};
+  return scale * interpolate(at, {kMeanStretches, kStretchedMeanRoughnesses},
+                             [](int i) { return stretched_lost_mean_entry(i); });
 }
 // eta >= 1.
 DST_FN DST_COLD float reflected_mean(Ggx g, float eta) {
   const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
   if (g.ax == g.ay) {
-    const Between at[] = {{s, kMeanRatios}, {r, kMeanRoughnesses}};
+    const Between at[] = {{s, kMeanRatios}, {sqrtf(r), kMeanRoughnesses}};
     return interpolate(at, {kMeanRatios, kMeanRoughnesses}, [](int i) { return reflected_mean_entry(i); });
   }
-  const Between at[] = {{s, kStretchedMeanRatios}, stretch(g, kStretches), {r, kStretchedMeanRoughnesses}};
-  return interpolate(at, {kStretchedMeanRatios, kStretches, kStretchedMeanRoughnesses},
+  const Between at[] = {{s, kStretchedMeanRatios}, stretch(g, kMeanStretches), {sqrtf(r), kStretchedMeanRoughnesses}};
+  return interpolate(at, {kStretchedMeanRatios, kMeanStretches, kStretchedMeanRoughnesses},
                      [](int i) { return stretched_reflected_mean_entry(i); });
 }
 // A rough diffuse base (EON) scatters light more evenly towards where it came from, and gloss holds back what is grazing: so
@@ -173,17 +145,6 @@ DST_FN DST_COLD float rough_coupling(float roughness, float eta, float diffuse_r
 DST_FN float coupling_shape(float cosine) {
   const float m = saturate(1.0f - cosine);
   return 1.0f - 8.0f * m * m * sqrtf(m);
-}
-DST_FN DST_COLD float lost_mean(Ggx g, float eta) {
-  const float r = mean_roughness(g), s = (eta - 1) / (eta + 1);
-  const float scale = mean_scale(r), ratio = 0.5f + 0.5f * copysignf(sqrtf(fabsf(s)), s);
-  if (g.ax == g.ay) {
-    const Between at[] = {{ratio, kMeanSteps}, {r, kMeanRoughnesses}};
-    return scale * interpolate(at, {kMeanSteps, kMeanRoughnesses}, [](int i) { return loss_mean_entry(i); });
-  }
-  const Between at[] = {{ratio, kStretchedMeanSteps}, stretch(g, kLossStretches), {r, kLossMeanRoughnesses}};
-  return scale * interpolate(at, {kStretchedMeanSteps, kLossStretches, kLossMeanRoughnesses},
-                             [](int i) { return stretched_loss_mean_entry(i); });
 }
 
 // Albedo of the fuzz lobe before it is held below 1. Low roughnesses lie closer.

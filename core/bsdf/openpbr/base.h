@@ -5,6 +5,7 @@
 #include "bsdf/diffuse.h"
 #include "bsdf/microfacet.h"
 #include "bsdf/openpbr/film_albedo.h"
+#include "bsdf/openpbr/losses.h"
 
 namespace destello::openpbr {
 
@@ -94,7 +95,10 @@ struct Base {
     }
     if (smooth()) return v;
     if (through > 0 && thin) v.near = v.far = v.metal_lost;
-    if (through > 0 && !thin && !passes_delta()) v.near = lost(up, ggx, eta), v.far = lost(up, ggx, 1.0f / eta);
+    if (through > 0 && !thin && !passes_delta()) {
+      const Losses lost = losses(up, ggx, max(eta, 1.0f / eta));
+      v.near = eta < 1 ? lost.below : lost.above, v.far = eta < 1 ? lost.above : lost.below;
+    }
     return v;
   }
 

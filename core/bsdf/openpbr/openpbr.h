@@ -6,9 +6,6 @@
 
 namespace destello {
 
-// Bounds of indices of refraction, and of their ratios: nothing is so far out, and tables hold up to there.
-inline constexpr float kLeastIor = 0.1f, kMostIor = 10;
-
 // What the scene takes from the parameters besides the BSDF: emission_*, geometry_opacity, and the interior (interior.h).
 struct OpenPbr {
   float base_weight = 1, base_diffuse_roughness = 0, base_metalness = 0;
@@ -55,7 +52,7 @@ struct OpenPbr {
              "stretches highlights along the tangent")
           .range(0, 1),
       scalar("specular_ior", &S::specular_ior, 1.5f, "index of refraction of the dielectric base, at 587.56 nm")
-          .range(kLeastIor, kMostIor)
+          .at_least(kLeastIor)
           .constant(),
       scalar("transmission_weight", &S::transmission_weight, 0, "share of translucent base in the dielectric")
           .range(0, 1),
@@ -96,7 +93,7 @@ struct OpenPbr {
       scalar("coat_roughness_anisotropy", &S::coat_roughness_anisotropy, 0,
              "stretches the coat's highlights along the tangent")
           .range(0, 1),
-      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").range(kLeastIor, kMostIor).constant(),
+      scalar("coat_ior", &S::coat_ior, 1.6f, "index of refraction of the coat").at_least(kLeastIor).constant(),
       scalar("coat_darkening", &S::coat_darkening, 1, "how far reflections inside the coat darken the base")
           .range(0, 1),
       scalar("fuzz_weight", &S::fuzz_weight, 0, "coverage of the fuzz").range(0, 1),
@@ -152,7 +149,7 @@ struct OpenPbr {
     layers.fuzz = {seen(fuzz_weight), fuzz_color, fuzz_roughness};
     layers.coat = seen(coat_weight);
     layers.coat_ggx = ggx(coat_roughness, coat_roughness_anisotropy);
-    layers.coat_eta = clamp(coat_ior / context.outside_ior, kLeastIor, kMostIor);
+    layers.coat_eta = ior_ratio(coat_ior, context.outside_ior);
     layers.coat_color = coat_color;
     layers.darkening = coat_darkening;
     if (normals.apart || turns_coat()) lay(context.front);
@@ -212,7 +209,7 @@ struct OpenPbr {
   }
   // The ratio of indices whose reflectance head-on is `weight` times that of eta.
   DST_HD static float modulated(float eta, float weight) {
-    constexpr float most = (kMostIor - 1) / (kMostIor + 1);
+    constexpr float most = (kMostIorRatio - 1) / (kMostIorRatio + 1);
     const float s = clamp((eta - 1) / (eta + 1) * sqrtf(weight), -most, most);
     return (1 + s) / (1 - s);
   }
@@ -222,7 +219,7 @@ struct OpenPbr {
     const float n = scale > 0
                         ? cauchy_ior(specular_ior, transmission_dispersion_abbe_number / scale, context.wavelength)
                         : specular_ior;
-    const float bare = n / context.outside_ior, coated = n / coat_ior;
+    const float bare = ior_ratio(n, context.outside_ior), coated = ior_ratio(n, coat_ior);
     const float inwards = modulated(bare, specular_weight);
     b.eta = b.inside ? 1.0f / inwards : inwards;
     // Under the coat, and towards a higher index outside, the ratio is inverted: there is no total reflection.
@@ -232,7 +229,7 @@ struct OpenPbr {
     const float rough = coat_weight > 0 ? lerp(specular_roughness, sqrtf(sqrtf(min(r4 + 2 * c4, 1.0f))), coat_weight)
                                         : specular_roughness;
     b.ggx = ggx(rough, specular_roughness_anisotropy);
-    const float above = lerp(context.outside_ior, coat_ior, coat_weight);
+    const float above = context.outside_ior * lerp(1.0f, ior_ratio(coat_ior, context.outside_ior), coat_weight);
     b.film = {thin_film_weight, thin_film_thickness * 1000, thin_film_ior,
               thin_film_ior / (b.inside ? above * inwards : above), context.wavelength};
   }

@@ -41,7 +41,7 @@ TEXTURED = (  # extension, member: where textures may stand
     ("KHR_materials_diffuse_transmission", "diffuseTransmissionColorTexture"),
 )
 _LEAST_TRANSMITTANCE = 1e-6
-_MOST_IOR, _MOST_FILM_IOR = 10.0, 3.0  # OpenPBR's
+_MOST_IOR, _MOST_FILM_IOR = 100.0, 3.0  # up to where OpenPBR tells indices, and films, apart
 _STRAIGHT = 0.99  # the largest anisotropy: what a thin wall scatters back then is half a per cent
 _NEVER = 1e30  # m: an attenuation distance that attenuates nothing
 

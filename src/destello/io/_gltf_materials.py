@@ -244,7 +244,7 @@ def _glass(
     """A solid body: refraction and absorption by the way through it. A share that does not transmit is mixed in."""
     color = volume.numbers("attenuationColor", 3, (1.0, 1.0, 1.0), low=0)
     glass: dict[str, Value] = {
-        "ior": min(params["ior"], 10.0),
+        "ior": params["ior"],
         "roughness": params["roughness"],
         "tint": params["base_color"],
         **surface,
