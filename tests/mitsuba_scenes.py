@@ -146,7 +146,7 @@ def principled_metals() -> Description:
 
     made = glass_and_metal()
     del made["glass"]
-    made["smooth"]["bsdf"], made["rough"]["bsdf"] = metal(GOLD, 0.25), metal(STEEL, 0.2)
+    made["smooth"]["bsdf"], made["rough"]["bsdf"] = metal(GOLD, 0.12), metal(STEEL, 0.11)
     return made
 
 
@@ -226,7 +226,7 @@ def model(folder: Path, meshes: dict[str, Any], texels: NDArray[np.uint8]) -> De
     bsdfs = {
         "ground": {"type": "diffuse", "reflectance": painted},
         "matt": diffuse(0.7, 0.25, 0.1),
-        "dull": {"type": "roughconductor", "distribution": "ggx", "alpha": 0.0625, "material": "none"},
+        "dull": {"type": "roughconductor", "distribution": "ggx", "alpha": 0.0144, "material": "none"},
         "mirror": {"type": "conductor", "material": "none"},
     }
     made: Description = {"sensor": camera((0, 2.2, 6), (0, 0.7, 0), 32)}

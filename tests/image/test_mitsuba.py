@@ -56,14 +56,14 @@ def test_glass_and_metal(device):
 def test_gltf_metals_are_disneys(device, tmp_path):
     """Schlick's Fresnel term on a GGX reflection of alpha roughness^2: `principled` without its other lobes.
 
-    Mitsuba's scatters once among its facets, which at such roughness loses next to nothing.
+    Mitsuba's scatters once among its facets, which at such roughness loses little: 0.2 % of a block at the spheres' rims.
     """
     scene = glass_and_metal()
     del scene.shapes[2]
-    for i, (color, roughness) in ((2, (theirs.GOLD, 0.25)), (3, (theirs.STEEL, 0.2))):
+    for i, (color, roughness) in ((2, (theirs.GOLD, 0.12)), (3, (theirs.STEEL, 0.11))):
         pbr = {"baseColorFactor": [*color, 1], "metallicFactor": 1, "roughnessFactor": roughness}
         scene.shapes[i] = scene.shapes[i].replace(material=material_of(Gltf(), tmp_path, pbrMetallicRoughness=pbr))
-    compare(scene, theirs.principled_metals(), device, spp=64, max_depth=6)
+    compare(scene, theirs.principled_metals(), device, spp=64, max_depth=6, slack=1e-3)
 
 
 # --- a glTF model under an HDR image ----------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_gltf_metals_are_disneys(device, tmp_path):
 MATERIALS = {
     "ground": {"metallicFactor": 0.0, "roughnessFactor": 1.0},
     "matt": {"metallicFactor": 0.0, "roughnessFactor": 1.0, "baseColorFactor": [0.7, 0.25, 0.1, 1.0]},
-    "dull": {"metallicFactor": 1.0, "roughnessFactor": 0.25},
+    "dull": {"metallicFactor": 1.0, "roughnessFactor": 0.12},
     "mirror": {"metallicFactor": 1.0, "roughnessFactor": 0.0},
 }
 

@@ -37,7 +37,8 @@ def test_chromatic_fog(device):
     extinction, albedo = (0.7, 2.0, 4.0), (0.9, 0.8, 0.95)
     scene = cloud_in_a_room(medium_density=extinction, medium_albedo=albedo, medium_anisotropy=0.5)
     description = theirs.cloud_in_a_room(theirs.medium(extinction, albedo, 0.5))
-    compare(scene, description, device, spp=96, max_depth=100, integrator="volpathmis")
+    # Mitsuba's `volpathmis` is 0.2 % darker in blue than its `volpath` of that colour alone, which agrees with ours.
+    compare(scene, description, device, spp=96, max_depth=100, integrator="volpathmis", slack=8e-4)
 
 
 def test_cloud(device):

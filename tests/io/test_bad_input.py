@@ -53,7 +53,7 @@ def image(path: str) -> str:
     ("material", "said"),
     [
         ("{type: metallic_roughness, roughness: 1.5}", ["s.yaml:6: ", ".roughness: out of range: 1.5", "from 0 to 1"]),
-        ("{type: openpbr, specular_ior: 11}", [".specular_ior: out of range: 11", "from 0.1 to 10"]),
+        ("{type: openpbr, specular_ior: 0}", [".specular_ior: out of range: 0", "0.001"]),
         ("{type: diffuse, reflectance: [0.5, 2, 0.1]}", [".reflectance: out of range: 2"]),
         ("{type: openpbr, specular_rougness: 0.2}", [".specular_rougness: ", "did you mean 'specular_roughness'?"]),
         ("{type: openbpr}", ["unknown material type: 'openbpr'", "did you mean 'openpbr'?"]),

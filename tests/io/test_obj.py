@@ -308,7 +308,7 @@ def test_errors_name_the_line(text: str, line: int | None, message: str, tmp_pat
         ("newmtl m\n\nNs ten\n", 3, "ns: wrong values"),
         ("newmtl m\nKe nan 0 0\n", 2, "ke: wrong values"),
         ("newmtl m\nmap_Kd\n", 2, "a map without a file"),
-        ("newmtl m\nillum 7\nNi 99\n", 1, "newmtl m: out of range: 99"),
+        ("newmtl m\nillum 7\nNi 0.0005\n", 1, "newmtl m: out of range: 0.0005"),
     ],
 )
 def test_material_errors_name_the_line(mtl: str, line: int, message: str, tmp_path: Path) -> None:

@@ -129,6 +129,8 @@ class Stack:
 @DRAWS
 @given(draws(BASE, TOP, COLOURS, MORE), views, st.booleans())
 def test_base_below_coat_and_fuzz(params: dict[str, Any], view: tuple[float, float], front: bool) -> None:
+    # A coat of a more extreme index leaves so little of the base that what its own lobe rounds to counts.
+    params = {**params, "coat_ior": min(max(params["coat_ior"], 0.1), 10.0)}
     stack, wo = Stack(params, front=front), direction(*view)
     wi, eta = directions(stack.case, wo, 24)
     if len(wi) == 0:
