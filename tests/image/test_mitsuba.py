@@ -56,7 +56,7 @@ def test_glass_and_metal(device):
 def test_gltf_metals_are_disneys(device, tmp_path):
     """Schlick's Fresnel term on a GGX reflection of alpha roughness^2: `principled` without its other lobes.
 
-    Mitsuba's scatters once among its facets, which at such roughness loses little: 0.2 % of a block at the spheres' rims.
+    Mitsuba's scatters once among its facets: at such roughness that loses 0.2 % of a block at the rims.
     """
     scene = glass_and_metal()
     del scene.shapes[2]
