@@ -20,10 +20,10 @@ class DeviceTexture {
     const size_t columns = static_cast<size_t>(level.width), rows = static_cast<size_t>(level.height) * planes.count;
     check_size(columns, rows, level);
     const cudaChannelFormatDesc format{static_cast<int>(element) * 8, 0, 0, 0, cudaChannelFormatKindUnsigned};
-    const bool gathers = std::max(columns, rows) <= kMostGathered;
     bytes_ = columns * rows * element;
-    check_allocation(
-        cudaMallocArray(&array_, &format, columns, rows, gathers ? cudaArrayTextureGather : cudaArrayDefault), bytes_);
+    check_allocation(cudaMallocArray(&array_, &format, columns, rows,
+                                     can_gather(level, planes) ? cudaArrayTextureGather : cudaArrayDefault),
+                     bytes_);
     device_memory().device.add(bytes_);
     const unsigned char* from = texels + level.offset;
     std::vector<unsigned char> apart;

@@ -22,6 +22,18 @@ struct Surface {
 
 DST_FN Vec3 face_towards(Vec3 n, Vec3 v) { return dot(n, v) < 0 ? -n : n; }
 
+// Which way u grows, any length, 0 if unknown; mirrored: v grows against normal x tangent.
+struct UvDirection {
+  Vec3 tangent;
+  bool mirrored = false;
+};
+// By a mesh's tangents, at a point of the triangle of these vertices.
+DST_FN UvDirection interpolate_tangent(const Vec4* tangents, const uint32_t* vertices, float u, float v) {
+  const Vec4 a = tangents[vertices[0]], b = tangents[vertices[1]], c = tangents[vertices[2]];
+  const float w = 1.0f - u - v;
+  return {xyz(a) * w + xyz(b) * u + xyz(c) * v, a.w * w + b.w * u + c.w * v < 0};
+}
+
 // What a mesh's vertices carry, at a point of a triangle.
 struct Attributes {
   Vec3 ns;                // any length; 0: none
@@ -49,10 +61,8 @@ DST_FN DST_COLD Attributes interpolate_attributes(const SceneView& scene, Object
   }
   if (!needs_uv) return s;
   if (object.first_tangent != kNoIndex) {
-    const Vec4* t = scene.tangents + object.first_tangent;
-    const Vec4 ta = t[index[0]], tb = t[index[1]], tc = t[index[2]];
-    s.tangent = xyz(ta) * w + xyz(tb) * u + xyz(tc) * v;
-    s.mirrored = ta.w * w + tb.w * u + tc.w * v < 0;
+    const UvDirection d = interpolate_tangent(scene.tangents + object.first_tangent, index, u, v);
+    s.tangent = d.tangent, s.mirrored = d.mirrored;
   }
   if (object.first_uv != kNoIndex) {
     const Vec2* t = scene.uvs + object.first_uv;

@@ -55,22 +55,13 @@ DST_FN DST_COLD UvMap uv_map(const SceneView& scene, Hit hit, float time, Vec3 p
   return map;
 }
 
-// Which way u grows, any length, 0 if unknown; mirrored: v grows against normal x tangent.
-struct UvDirection {
-  Vec3 tangent;
-  bool mirrored = false;
-};
-
 // That of the second uv at a hit, as Surface has it of the first. ng: the surface's, on the outward side.
 DST_FN DST_COLD UvDirection second_direction(const SceneView& scene, Hit hit, float time, Vec3 p, Vec3 ng) {
   const LeafPrimitive prim = load_wide(scene.geometry.leaves + hit.leaf);
   const ObjectRecord& object = scene.objects[prim.object];
   if (object.first_second_tangent != kNoIndex) {
     const uint32_t* index = scene.triangles + 3 * static_cast<uint64_t>(object.first_triangle + prim.primitive);
-    const Vec4* t = scene.tangents + object.first_second_tangent;
-    const Vec4 a = t[index[0]], b = t[index[1]], c = t[index[2]];
-    const float w = 1.0f - hit.u - hit.v;
-    UvDirection d{xyz(a) * w + xyz(b) * hit.u + xyz(c) * hit.v, a.w * w + b.w * hit.u + c.w * hit.v < 0};
+    UvDirection d = interpolate_tangent(scene.tangents + object.first_second_tangent, index, hit.u, hit.v);
     d.mirrored = d.mirrored != (object.flipped != 0);
     if (hit.instance != Hit::kNone) {
       const Instance& instance = scene.geometry.instances[hit.instance];

@@ -18,7 +18,7 @@ DST_FN constexpr uint32_t texel_bytes(TexelFormat format) {
 struct ImageLevel {
   uint64_t offset;  // first byte
   int width, height;
-  uint32_t object;  // its CUDA texture object
+  uint32_t object;  // number of its CUDA texture object
 };
 DST_FN ImageLevel next_level(const ImageLevel& l, const Image& image) {
   const uint64_t bytes = static_cast<uint64_t>(image.channels) * texel_bytes(image.format);

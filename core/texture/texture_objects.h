@@ -19,8 +19,11 @@ struct TexelPlanes {
     return {each, each == 1 ? n : each == 2 ? n / 2 : 1};
   }
 };
-// Columns, and rows, of a texture whose texels can be read four at a time.
-inline constexpr int kMostGathered = 32768;
+// Whether a level's texels can be read four at a time.
+DST_FN bool can_gather(const ImageLevel& level, const TexelPlanes& planes) {
+  constexpr int most = 32768;  // columns, and rows of all planes
+  return level.width <= most && static_cast<int>(planes.count) * level.height <= most;
+}
 
 // A texel index at most one step outside [0, size): around the seam when repeating, else the edge texel again (which is
 // also what mirroring gives).
@@ -51,6 +54,7 @@ struct TexelElements {
   }
 };
 DST_FN bool in_three_bytes(const Image& image) { return image.channels == 3 && image.format == TexelFormat::U8; }
+DST_FN uint32_t three_bytes(uint32_t r, uint32_t g, uint32_t b) { return r | g << 8 | b << 16; }
 
 DST_FN TexelElements read_elements(const Image& image, const ImageLevel& level, const TextureData& data, int column,
                                    int row) {
@@ -63,7 +67,7 @@ DST_FN TexelElements read_elements(const Image& image, const ImageLevel& level, 
     if (k < count)
       e.planes[k] = tex2D<uint32_t>(object, static_cast<float>(column) + 0.5f, static_cast<float>(y) + 0.5f);
   }
-  if (in_three_bytes(image)) e.planes[0] |= e.planes[1] << 8 | e.planes[2] << 16;
+  if (in_three_bytes(image)) e.planes[0] = three_bytes(e.planes[0], e.planes[1], e.planes[2]);
   return e;
 }
 template <bool kBytes>
@@ -76,11 +80,10 @@ class FourTexels {
  public:
   DST_HD FourTexels(const Image& image, const ImageLevel& level, const TextureData& data, int column, int row)
       : image_(image) {
-    const int count = static_cast<int>(TexelPlanes::of(image).count);
-    const bool together = column >= 0 && row >= 0 && column + 1 < level.width && row + 1 < level.height &&
-                          level.width <= kMostGathered && count * level.height <= kMostGathered;
-    if (together)
-      gather(level, data, column, row, count);
+    const TexelPlanes planes = TexelPlanes::of(image);
+    const bool inside = column >= 0 && row >= 0 && column + 1 < level.width && row + 1 < level.height;
+    if (inside && can_gather(level, planes))
+      gather(level, data, column, row, static_cast<int>(planes.count));
     else
       collect(level, data, column, row);
   }
@@ -100,9 +103,9 @@ class FourTexels {
       planes_[k] = {g.w, g.z, g.x, g.y};
     }
     if (!in_three_bytes(image_)) return;
-    const uint4 g = planes_[1], b = planes_[2];
-    planes_[0].x |= g.x << 8 | b.x << 16, planes_[0].y |= g.y << 8 | b.y << 16;
-    planes_[0].z |= g.z << 8 | b.z << 16, planes_[0].w |= g.w << 8 | b.w << 16;
+    const uint4 r = planes_[0], g = planes_[1], b = planes_[2];
+    planes_[0] = {three_bytes(r.x, g.x, b.x), three_bytes(r.y, g.y, b.y), three_bytes(r.z, g.z, b.z),
+                  three_bytes(r.w, g.w, b.w)};
   }
   DST_HD void collect(const ImageLevel& level, const TextureData& data, int column, int row) {
 #pragma unroll 1

@@ -21,13 +21,11 @@ class Tiles:
     Attributes:
         columns, rows: of the rectangle from u = v = 0 on that holds all of them.
         texels: of each, row by row; None: there is no such file.
-        missing: the numbers of those.
     """
 
     columns: int
     rows: int
     texels: tuple[NDArray[Any] | None, ...]
-    missing: tuple[int, ...]
 
 
 def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
@@ -55,11 +53,11 @@ def read_tiles(assets: Assets, path: str, place: str) -> Tiles | None:
     at = [((number - FIRST_TILE) % TILE_COLUMNS, (number - FIRST_TILE) // TILE_COLUMNS) for number in found]
     columns, rows = (1 + max(place_) for place_ in zip(*at, strict=True))
     numbers = [FIRST_TILE + column + TILE_COLUMNS * row for row in range(rows) for column in range(columns)]
-    missing = tuple(number for number in numbers if number not in found)
-    note = f"{path}: no tile {', '.join(map(str, missing))}: black and transparent there"
+    missing = ", ".join(str(number) for number in numbers if number not in found)
+    note = f"{path}: no tile {missing}: black and transparent there"
     if missing and note not in assets.notes:
         assets.notes.append(note)
-    return Tiles(columns, rows, tuple(found.get(number) for number in numbers), missing)
+    return Tiles(columns, rows, tuple(found.get(number) for number in numbers))
 
 
 def _check_alike(first: NDArray[Any], first_name: str, texels: NDArray[Any], name: str, place: str) -> None:

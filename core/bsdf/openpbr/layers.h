@@ -8,8 +8,8 @@
 namespace destello::openpbr {
 
 // A layer on top takes what it reflects from the light that those below get, of the direction wo alone (albedo scaling):
-// no light is lost, but with a coat or fuzz the sum is not reciprocal (docs/materials.md says why). From inside neither is there, but for the coat's
-// colour.
+// no light is lost, but with a coat or fuzz the sum is not reciprocal (docs/materials.md says why). From inside neither is
+// there, but for the coat's colour.
 //
 // Base and coat may have normals of their own. Then each bends its own horizon to the surface's (bsdf/layer_normals.h), so it
 // sends all its light over the surface, where a surface of its normal would send it; what the coat takes from the base

@@ -72,8 +72,9 @@ class Layers:
         )
         if any(self._factor(name, key) > 0 for name, key in strengths):
             return True
-        refracts = transmission != 0.0 and self._thick()
-        return (refracts and (any(self._scatter_color()) or self._tinted())) or any(self._sheen_color())
+        return (self._refracts(transmission) and (any(self._scatter_color()) or self._tinted())) or any(
+            self._sheen_color()
+        )
 
     def params(self, core: dict[str, Value], transmission: Value) -> dict[str, Value]:
         """OpenPBR's parameters, from those of `metallic_roughness` (with the transmission apart) and the extensions."""
@@ -84,8 +85,8 @@ class Layers:
             "specular_ior": min(core["ior"], _MOST_IOR),
         }
         if core["metallic"] != 1.0:  # OpenPBR's strength and colour would act on metal, too, and glTF's do not
-            refracts = transmission != 0.0 and self._thick()
-            made |= self._reflection(core["ior"]) if refracts else self._specular(core["ior"])
+            reflection = self._reflection if self._refracts(transmission) else self._specular
+            made |= reflection(core["ior"])
         made |= self._coat() | self._fuzz() | self._film() | self._anisotropy(core["roughness"])
         if transmission != 0.0:
             made |= self._transmission(core["base_color"], transmission)
@@ -284,6 +285,10 @@ class Layers:
             made |= {"medium_density": tuple(scattering), "medium_anisotropy": self._scatter_anisotropy()}
         return made
 
+    def _refracts(self, transmission: Value) -> bool:
+        """Whether light that passes clearly is bent: there is an inside."""
+        return transmission != 0.0 and self._thick()
+
     def _dense(self) -> bool:
         """Whether light that passes diffusely walks through a scattering medium."""
         translucent = self._factor("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor") > 0
@@ -309,7 +314,7 @@ class Layers:
         }
         scatter, (attenuation, distance) = self._scatter_color(), self._attenuation()
         if not self._dense():
-            if self._thick() and transmission != 0.0 and not thin:
+            if self._refracts(transmission) and not thin:
                 self._note(f"{found.place}: diffuse transmission beside a refracting volume is left out")
                 return {}
             return made | {"subsurface_scatter_anisotropy": _STRAIGHT, "geometry_thin_walled": True}
