@@ -52,7 +52,7 @@ def off(
     Of what narrow facets lose at grazing angles most goes back there, where few samples go: that takes more of them.
     """
     narrow = min(words.get(f"{x}_roughness", 1.0) or 1.0 for x in ("specular", "coat")) < 0.15
-    rare = narrow and cosine < 0.1 and "thin_film_weight" not in words  # films take long
+    rare = narrow and cosine < 0.1
     case = Case("openpbr", {**WHITE, **words}, front=front, wavelength=wavelength)
     power = case.sample(direction(cosine, turns), U if rare else U[:8192]).power()
     return np.asarray(power.mean(axis=0) - 1)

@@ -73,9 +73,9 @@ class Stack:
         self.case, self.words = Case("openpbr", params, front), params
         self.coat, self.fuzz = (x if x >= LEAST else 0.0 for x in (params["coat_weight"], params["fuzz_weight"]))
         self.thin = params["geometry_thin_walled"]
-        opaque = 1 - params["base_metalness"]
-        below = opaque * params["transmission_weight"] + opaque * params["subsurface_weight"]
-        self.solid = below >= LEAST and not self.thin
+        dielectric, through = 1 - params["base_metalness"], params["transmission_weight"]
+        below = dielectric * (1 - through) * params["subsurface_weight"]
+        self.solid = max(dielectric * through, below) >= LEAST and not self.thin
         alpha = params["coat_roughness"] ** 2
         aspect = max(1 - params["coat_roughness_anisotropy"], 0.02)
         wide = alpha * np.sqrt(2 / (1 + aspect**2)) if aspect < 1 and alpha >= 1e-4 else alpha
