@@ -4,7 +4,7 @@
 #include "bsdf/bsdf.h"
 #include "bsdf/fresnel.h"
 #include "bsdf/ggx_albedo_table.h"
-#include "bsdf/microfacet.h"
+#include "bsdf/lost_light.h"
 
 namespace destello {
 
@@ -46,22 +46,6 @@ DST_FN Vec3 comes_back(Vec3 f0, float f90, float lost) {
   return mean * mean * (1.0f - lost) / (Vec3(1) - mean * lost);
 }
 
-// Directions about as likely as light that facets lose comes back there: by cosine / (cosine^2 + s^2)^1.5 with s of 5
-// alpha, since narrow facets lose light at grazing angles. The weight is then at most 2 for a roughness from 0.1 on.
-struct LostLight {
-  float s, near, far;  // the ends of 1 / sqrt(cosine^2 + s^2)
-  DST_HD explicit LostLight(float alpha) : s(5 * alpha), near(1.0f / s), far(1.0f / sqrtf(1.0f + s * s)) {}
-  DST_HD Vec3 sample(Vec2 u) const {
-    const float t = 1.0f / lerp(near, far, u.x), z = min(safe_sqrt(t * t - s * s), 1.0f), r = safe_sqrt(1.0f - z * z);
-    const SinCos a = sincos_turns(u.y);
-    return {r * a.cos, r * a.sin, z};
-  }
-  DST_HD float pdf(float cosine) const {
-    const float t2 = cosine * cosine + s * s;
-    return 0.5f * kInvPi * cosine / (t2 * sqrtf(t2) * (near - far));
-  }
-};
-
 // A GGX reflection over a base. Metal and dielectric differ only in Schlick's f0 and f90, so they are one lobe:
 //   f0 = mix(min(((ior-1)/(ior+1))^2 specular_color, 1) specular, base_color, metallic),
 //   f90 = mix(specular, 1, metallic).
@@ -90,6 +74,7 @@ struct MetallicRoughness {
   Vec3 back;              // what comes back of the light that facets lose
   float base_back = 0;    // of the dielectric's, greatest component
   float even = 0;         // 1 / mean loss; 0: nothing to give back
+  LostLight lost_light;
 
   static constexpr const char* name = "metallic_roughness";
   static constexpr const char* doc =
@@ -120,6 +105,7 @@ struct MetallicRoughness {
     const GgxAlbedoMean mean = ggx_albedo_mean(roughness);
     if (!ggx.smooth()) {
       even = 1.0f / mean.lost;
+      lost_light = LostLight::make(ggx);
       const Vec3 of_layer = comes_back(layer, specular, mean.lost);
       base_back = max_component(of_layer);
       back = lerp(of_layer, comes_back(base_color, 1, mean.lost), metallic);
@@ -148,7 +134,7 @@ struct MetallicRoughness {
     const float lost = p.diffuse + p.back + p.passed;
     if (uc < p.diffuse) return finish(wo, square_to_cosine_hemisphere(u), p, kReflection);
     if (uc < lost) {
-      const Vec3 wi = LostLight(ggx.ax).sample(u);
+      const Vec3 wi = lost_light.sample(u);
       if (uc < p.diffuse + p.back) return finish(wo, wi, p, kReflection);
       return finish(wo, {wi.x, wi.y, -wi.z}, p, kTransmission);
     }
@@ -184,7 +170,7 @@ struct MetallicRoughness {
     const float z = fabsf(wi.z), d = above ? p.diffuse * kInvPi * z : 0.0f;
     if (ggx.smooth() || z == 0) return d;
     const Vec3 h = normalize(wo + Vec3(wi.x, wi.y, z));
-    return d + (above ? p.back : p.passed) * LostLight(ggx.ax).pdf(z) +
+    return d + (above ? p.back : p.passed) * lost_light.pdf(z) +
            (above ? p.reflected : p.through) * ggx.reflected_pdf(wo, h);
   }
   DST_HD BsdfSample finish(Vec3 wo, Vec3 wi, const Lobes& p, uint32_t flags) const {

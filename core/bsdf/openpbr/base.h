@@ -3,7 +3,7 @@
 
 #include "bsdf/bsdf.h"
 #include "bsdf/diffuse.h"
-#include "bsdf/microfacet.h"
+#include "bsdf/lost_light.h"
 #include "bsdf/openpbr/film_albedo.h"
 #include "bsdf/openpbr/losses.h"
 
@@ -39,6 +39,7 @@ struct Base {
   float near_lost = 0, far_lost = 0;  // mean losses of glass on wo's side, and on the other
   float back_share = 1, through_share = 0;  // of glass' loss: what comes back, what goes through
   Vec3 metal_lost;                          // factor of metal's lost light
+  LostLight lost_light;                     // where what comes back of it, and of glass', goes
   float enter = 1;                          // subsurface: what of the light left to it goes in or out,
   Vec3 held;                                // and what is held back inside
 
@@ -57,6 +58,7 @@ struct Base {
       metal_lost = e > 1e-6f ? f * f * (1 - e) / (Vec3(1) - f * e) * (1.0f / e) : Vec3(0);
     }
     if (through > 0) share_out_lost();
+    if (metal + through > 0) lost_light = LostLight::make(ggx);
     enter = min(eta * eta, 1.0f);  // from the far side min(1 / eta^2, 1): reciprocal
     held = Vec3(1) - mean_left * enter;
   }

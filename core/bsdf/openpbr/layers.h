@@ -56,9 +56,10 @@ struct Layers {
     float coat_albedo = 0;
     Vec3 dark{1};  // factor of the base under the coat
   };
-  // Probabilities of the lobes: their estimated shares of the light.
+  // Probabilities of the lobes: their estimated shares of the light. What the facets lose is drawn apart from what is even.
   struct Lobes {
-    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0;
+    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0, lost_up = 0, lost_down = 0;
+    DST_HD float sum() const { return fuzz + coat + facet + up + down + lost_up + lost_down; }
   };
   // All that there is to know of wo: most of the work of answering for a direction.
   struct Seen {
@@ -74,7 +75,7 @@ struct Layers {
   DST_HD DST_COLD BsdfSample sample(const Seen& seen, float u_lobe, Vec2 u) const {
     const View& v = seen.view;
     const Lobes& p = seen.lobes;
-    if (p.fuzz + p.coat + p.facet + p.up + p.down <= 0) return {};
+    if (p.sum() <= 0) return {};
     Vec3 wi;
     if ((u_lobe -= p.fuzz) < 0) {
       wi = Fuzz::sample(u);
@@ -88,9 +89,12 @@ struct Layers {
       return wi.z > 0 ? finish_sample(from_coat(wi), v, p) : BsdfSample{};
     } else if ((u_lobe -= p.facet) < 0) {
       return sample_facet(v, p, u_lobe / p.facet + 1.0f, u);
-    } else {
+    } else if ((u_lobe -= p.up + p.down) < 0) {
       wi = square_to_cosine_hemisphere(u);
-      if (u_lobe >= p.up) wi.z = -wi.z;
+      if (u_lobe >= -p.down) wi.z = -wi.z;
+    } else {
+      wi = base.lost_light.sample(u);
+      if (u_lobe >= p.lost_up) wi.z = -wi.z;
     }
     return finish_sample(from_base(wi), v, p);
   }
@@ -206,14 +210,15 @@ struct Layers {
     float facet = metal * (1 - v.base.metal_lost) + base.through * (1 - v.base.near) * passed;
     if (!base.inside) facet += opaque * max(gloss, 0.01f) * specular;
     const float kept = base.inside ? 1.0f : left;
-    const float up = base.diffuse * kept * max(average(base.color), 0.02f) + metal * v.base.metal_lost +
-                     base.through * v.base.near * base.back_share * specular + base.below * kept * max(back, 0.02f);
-    float down = base.through * v.base.near * base.through_share * passed;
-    down += base.below * kept * max(1.0f - back, base.thin ? 0.02f : 0.0f);
+    const float up = base.diffuse * kept * max(average(base.color), 0.02f) + base.below * kept * max(back, 0.02f);
+    const float down = base.below * kept * max(1.0f - back, base.thin ? 0.02f : 0.0f);
+    const float lost = base.through * v.base.near;
     p.facet = facet * rest, p.up = up * rest, p.down = down * rest;
-    const float sum = p.fuzz + p.coat + p.facet + p.up + p.down;
-    const float scale = sum > 0 ? 1.0f / sum : 0.0f;
-    return {p.fuzz * scale, p.coat * scale, p.facet * scale, p.up * scale, p.down * scale};
+    p.lost_up = (metal * v.base.metal_lost + lost * base.back_share * specular) * rest;
+    p.lost_down = lost * base.through_share * passed * rest;
+    const float sum = p.sum(), scale = sum > 0 ? 1.0f / sum : 0.0f;
+    return {p.fuzz * scale, p.coat * scale,    p.facet * scale,    p.up * scale,
+            p.down * scale, p.lost_up * scale, p.lost_down * scale};
   }
   // Of the facet lobe, the share that is reflected at this cosine.
   DST_HD static float reflects(const Base::Facet& f) {
@@ -231,16 +236,16 @@ struct Layers {
   }
   // Of all lobes but the coat's, in the base's frame.
   DST_HD float base_pdf(Vec3 wo, Vec3 wi, const Lobes& p) const {
-    const float even = fabsf(wi.z) * kInvPi;
+    const float even = fabsf(wi.z) * kInvPi, lost = base.lost_light.pdf(fabsf(wi.z));
     if (wi.z < 0) {
-      float d = p.down * even;
+      float d = p.down * even + p.lost_down * lost;
       Meeting m;
       if (base.through > 0 && !base.passes_delta() && meet(wo, wi, &m))
         d += p.facet * (1.0f - reflects(base.facet(m.cos_o))) * base.ggx.reflected_pdf(wo, m.h) *
              jacobian(m.cos_o, m.cos_i);
       return d;
     }
-    float d = p.up * even + p.fuzz * Fuzz::pdf();
+    float d = p.up * even + p.lost_up * lost + p.fuzz * Fuzz::pdf();
     if (base.smooth()) return d;
     const Vec3 h = normalize(wo + wi);
     return d + p.facet * reflects(base.facet(dot(wo, h))) * base.ggx.reflected_pdf(wo, h);
