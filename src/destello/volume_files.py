@@ -1,8 +1,16 @@
-"""Reading volumes: NanoVDB's .nvdb, OpenVDB's .vdb through the package `tinyvdb`, and NumPy's .npy."""
+"""Reading volumes: NanoVDB's .nvdb, OpenVDB's .vdb through the package `tinyvdb`, and NumPy's .npy.
+
+tinyvdb comes by pip, and gives a grid's voxels but not its tiles (blocks of one value). Those OpenVDB's own Python
+module gives, which is not on PyPI and is only asked where a grid has active ones.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import io
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -20,6 +28,7 @@ if TYPE_CHECKING:
 MOST_VOXELS = 1 << 29  # of the box around what a file holds
 EXTENSIONS = (".npy", ".nvdb", ".vdb")
 _HOW_TO_INSTALL = "pip install 'destello[volumes]'"
+_OWN_MODULES = ("openvdb", "pyopenvdb")  # OpenVDB's own: conda-forge's name and Debian's
 
 
 class SparseGrid(Protocol):
@@ -106,16 +115,29 @@ def _dense(found: Mapping[str, SparseGrid]) -> dict[str, Any]:
 # --- OpenVDB ----------------------------------------------------------------------------------------------------------
 
 
+@dataclass
+class _Tile:
+    """A block of one value: its first index and its last, (3,), and the value."""
+
+    low: Voxels
+    high: Voxels
+    value: float
+
+
 class _Points:
-    """Voxels one by one: index coordinates (N, 3) and values (N,)."""
+    """Voxels one by one: index coordinates (N, 3) and values (N,); and tiles."""
 
     channels = 1
 
-    def __init__(self, points: Voxels, values: Voxels, matrix: Voxels) -> None:
-        self._points, self._values, self.matrix = points, values, matrix
-        self.low, self.high = points.min(0), points.max(0)
+    def __init__(self, points: Voxels, values: Voxels, tiles: list[_Tile], matrix: Voxels) -> None:
+        self._points, self._values, self._tiles, self.matrix = points, values, tiles, matrix
+        self.low = np.min([points.min(0), *(tile.low for tile in tiles)], 0)
+        self.high = np.max([points.max(0), *(tile.high for tile in tiles)], 0)
 
     def fill(self, target: Voxels, low: Voxels) -> None:
+        for tile in self._tiles:
+            first, end = tile.low - low, tile.high - low + 1
+            target[first[2] : end[2], first[1] : end[1], first[0] : end[0], 0] = tile.value
         x, y, z = (self._points - low).T
         target[z, y, x, 0] = self._values
 
@@ -133,7 +155,7 @@ def _read_vdb(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
         for param, name in grids.items():
             if name not in names:
                 raise FormatError("no such grid in the file", value=name, expected=did_you_mean(name, names))
-            found[param] = _points(file.grid(names.index(name)), name)
+            found[param] = _points(file.grid(names.index(name)), name, path)
     except Error:
         raise
     except Exception as error:  # the package's own errors, and what its C code leaves to the interpreter
@@ -150,7 +172,7 @@ def _value(member: Any) -> Any:
     return member() if callable(member) else member
 
 
-def _points(grid: Any, name: str) -> _Points:
+def _points(grid: Any, name: str, path: Path) -> _Points:
     kind = str(_value(grid.type_name))
     if "float" not in kind or _value(grid.metadata).get("class") == "level set":
         raise FormatError("not a fog volume of floats", value=f"{name}: {kind}", expected="a fog volume")
@@ -159,15 +181,15 @@ def _points(grid: Any, name: str) -> _Points:
     values = np.frombuffer(sparse["values"], np.float32)
     if not (len(values) and np.isfinite(values).all()):
         raise FormatError("no voxels, or values that are not finite", value=name, expected="a fog volume")
-    _check_tiles(grid, name, points)
-    return _Points(points, np.maximum(values, np.float32(0)), _index_to_world(_value(grid.transform), name))
+    tiles = _tiles(path, name) if _active_tiles(grid, points) else []
+    return _Points(points, np.maximum(values, np.float32(0)), tiles, _index_to_world(_value(grid.transform), name))
 
 
-def _check_tiles(grid: Any, name: str, points: Voxels) -> None:
-    """The package counts tiles (blocks of one value) but does not give them: FormatError if there are active ones.
+def _active_tiles(grid: Any, points: Voxels) -> int:
+    """How many there are.
 
-    Of those at the root it counts all. Then the file's own box, if it lies within that of the voxels, says that none
-    is active.
+    Of those at the root the package counts all. Then the file's own box, if it lies within that of the voxels, says
+    that none is active.
     """
     tree, metadata = _value(grid.tree), _value(grid.metadata)
     nodes = [tree.node(i) for i in range(_value(tree.num_nodes))]
@@ -176,9 +198,34 @@ def _check_tiles(grid: Any, name: str, points: Voxels) -> None:
     low, high = metadata.get("file_bbox_min"), metadata.get("file_bbox_max")
     if at_root and (low is None or high is None or (points.min(0) > low).any() or (points.max(0) < high).any()):
         active += at_root
-    if active:
-        expected = "voxels alone (OpenVDB's voxelizeActiveTiles makes them so), or a .nvdb file"
-        raise FormatError(f"{active} active tiles, which tinyvdb does not read", value=name, expected=expected)
+    return int(active)
+
+
+def _tiles(path: Path, name: str) -> list[_Tile]:
+    """A grid's active tiles, by OpenVDB's own module. Raises FormatError if there is none."""
+    module = _own_module()
+    if module is None:
+        expected = (
+            "OpenVDB's Python module (conda-forge's openvdb, Debian's python3-openvdb), a .nvdb file, or voxels alone"
+            " (voxelizeActiveTiles makes them so)"
+        )
+        raise FormatError("active tiles, which tinyvdb does not read", value=name, expected=expected)
+    values = module.read(str(path), name).citerOnValues()
+    found = [(tile.min, tile.max, float(tile.value)) for tile in values if tile.count > 1]
+    if not np.isfinite([value for _, _, value in found]).all():
+        raise FormatError("tiles whose values are not finite", value=name, expected="a fog volume")
+    return [_Tile(np.array(low), np.array(high), max(value, 0.0)) for low, high, value in found]
+
+
+def _own_module() -> Any:
+    for name in _OWN_MODULES:
+        try:
+            # NumPy 2 complains of modules made for NumPy 1. Only what has nothing to do with NumPy is called here.
+            with contextlib.redirect_stderr(io.StringIO()):
+                return importlib.import_module(name)
+        except ImportError:
+            continue
+    return None
 
 
 def _index_to_world(transform: Mapping[str, Any], name: str) -> Voxels:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import contextlib
 import sys
+import types
 
 import numpy as np
 import pytest
@@ -43,11 +44,60 @@ def test_vdb_density_and_place(smoke):
 
 
 @pytest.mark.parametrize("where", ["root", "upper", "lower"])
-def test_vdb_active_tiles_are_refused(where, smoke):
+def test_vdb_active_tiles_are_refused(where, smoke, monkeypatch):
     """tinyvdb counts them but does not give them: nothing may be missing silently."""
+    monkeypatch.setattr(volume_files, "_OWN_MODULES", ())
     smoke.write_bytes(vdb_file.with_tile(where))
-    with pytest.raises(FormatError, match=r"smoke\.vdb: 1 active tiles, which tinyvdb.*density.*voxelizeActiveTiles"):
+    with pytest.raises(FormatError, match=r"smoke\.vdb: active tiles, which tinyvdb.*density.*python3-openvdb"):
         dl.volumes.load(smoke)
+
+
+def check_tile(smoke, low, high):
+    """The file has a tile of 0.25 there (indices), and all else that it had without."""
+    smoke.write_bytes(vdb_file.vdb_bytes())
+    plain = dl.volumes.load(smoke)
+    smoke.write_bytes(vdb_file.with_tile("lower"))
+    found = dl.volumes.load(smoke)
+    values, before = found["density"][..., 0], plain["density"][..., 0]
+
+    def at(first, last):
+        x, y, z = np.round(np.array(first) - np.array(found["min"])).astype(int)
+        nx, ny, nz = np.round(np.array(last) - np.array(first)).astype(int)
+        return slice(z, z + nz), slice(y, y + ny), slice(x, x + nx)
+
+    expected = np.zeros_like(values)
+    expected[at(plain["min"], plain["max"])] = before
+    expected[at(np.array(low) - 0.5, np.array(high) + 0.5)] = 0.25
+    assert np.array_equal(values, expected)
+    np.testing.assert_allclose(found["transform"].matrix, plain["transform"].matrix)
+
+
+def test_vdb_active_tiles_by_openvdb_itself(smoke):
+    if volume_files._own_module() is None:
+        pytest.skip("neither openvdb nor pyopenvdb, which are not on PyPI")
+    check_tile(smoke, (-128, 0, 8), (-121, 7, 15))
+    smoke.write_bytes(vdb_file.with_tile("root"))
+    with pytest.raises(FormatError, match="too large"):
+        dl.volumes.load(smoke)
+
+
+def test_vdb_active_tiles_by_a_stand_in(smoke, monkeypatch):
+    """For OpenVDB's module, which is not on PyPI: the place, the order of axes, what is refused."""
+    named = types.SimpleNamespace
+    voxel, tile = named(min=(0, 4, 8), max=(0, 4, 8), count=1, value=7.0), {"min": (-3, 0, 5), "max": (-2, 2, 8)}
+
+    def tiles(*found):
+        vdb = named(read=lambda path, name: named(citerOnValues=lambda: iter(found)))
+        monkeypatch.setitem(sys.modules, "a_vdb", vdb)
+
+    monkeypatch.setattr(volume_files, "_OWN_MODULES", ("no_vdb", "a_vdb"))
+    tiles(voxel, named(**tile, count=24, value=0.25))
+    check_tile(smoke, tile["min"], tile["max"])
+    tiles(named(**tile, count=24, value=np.nan))
+    with pytest.raises(FormatError, match=r"smoke\.vdb: tiles whose values are not finite"):
+        dl.volumes.load(smoke)
+    tiles(named(**tile, count=24, value=-1.0))
+    assert dl.volumes.load(smoke)["density"].min() == 0
 
 
 def test_vdb_tiles_that_are_not_active_do_not_matter(smoke):
