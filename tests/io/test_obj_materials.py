@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from destello.formats import LoadOptions
@@ -87,9 +88,43 @@ def test_blender_bump_is_a_normal_map_and_others_are_not(tmp_path: Path) -> None
         0.5,
     )
     assert blender_material(tmp_path, lines, header="# Maya").params.get("normal_map") is None
-    assert notes(tmp_path) == [
-        "scene.mtl:6: newmtl m: map_bump is left out: MTL has no unit of height (accepted: norm, a normal map)"
-    ]
+    assert notes(tmp_path) == [left_out(6)]
+
+
+def left_out(line: int) -> str:
+    why = "the bump map is left out: heights, of which MTL has no unit (accepted: a normal map)"
+    return f"scene.mtl:{line}: newmtl m: {why}"
+
+
+@pytest.mark.parametrize("keyword", ["bump", "map_Bump"])
+@pytest.mark.parametrize(("kind", "found"), [(np.uint8, True), (np.uint16, True), ("grey", False), ("heights", False)])
+def test_bump_maps_of_normals_are_normal_maps(keyword: str, kind: Any, found: bool, tmp_path: Path) -> None:
+    """Whoever wrote the file; heights are told from them by their texels."""
+    slopes = np.random.default_rng(5).normal(0, 0.4, (600, 300, 2))
+    normals = np.concatenate([slopes, np.ones((600, 300, 1))], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    if isinstance(kind, str):  # of a grey whose vector has length 1, too
+        level = 0.789 if kind == "grey" else np.random.default_rng(6).random((600, 300, 1))
+        normals = np.broadcast_to(2 * np.asarray(level) - 1, (600, 300, 3))
+        kind = np.uint8
+    texels = np.round((normals + 1) / 2 * np.iinfo(kind).max).astype(kind)
+    (tmp_path / "n.png").write_bytes(encode_image(texels, ".png", tmp_path))
+    node = blender_material(tmp_path, f"Kd 1 1 1\n{keyword} -bm 0.5 n.png\n", header="# by hand")
+    normal = node.params.get("normal_map")
+    assert (normal is not None) == found
+    assert notes(tmp_path) == ([] if found else [left_out(4)])
+    if normal is not None:
+        assert (normal["path"], normal["color_space"], node["normal_scale"]) == ("n.png", "linear", 0.5)
+
+
+def test_bump_maps_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "broken.png").write_bytes(b"no image")
+    for name in ("none.png", "broken.png", "../../etc/passwd"):
+        assert blender_material(tmp_path, f"Kd 1 1 1\nbump {name}\n", header="# x").params.get("normal_map") is None
+        assert notes(tmp_path) == [left_out(4)]
+    lines = "Kd 1 1 1\nnorm n.png\nbump m.png\nnewmtl b\nbump c.png\nnewmtl c\nbump c.png\n"
+    assert blender_material(tmp_path, lines, header="# x")["normal_map"]["path"] == "n.png"
+    assert notes(tmp_path) == [left_out(7).replace("newmtl m", "newmtl b") + "; 1 more"]
 
 
 def test_glass_of_other_programs_stays_glass(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ Decisions where the format leaves room:
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
 - Files that Blender wrote (they say so in their first comment) are read as it means them: Ns is 1000 (1 - roughness)^2,
   illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass, and map_Bump
-  is a normal map.
+  is a normal map. Other bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
 - Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
 """
 
@@ -30,7 +30,7 @@ _COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
 _MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
 _BLENDER_NORMAL = "map_bump"
-_HEIGHTS = ("bump", "map_bump")  # of no unit
+_BUMPS = ("bump", "map_bump")
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
 _WORDS = ("-clamp", "-blendu", "-blendv", "-imfchan", "-type", "-cc")
@@ -141,10 +141,8 @@ class _Parser:
             material.maps[keyword] = self._map(words, line, number)
         elif keyword == _BLENDER_NORMAL and material.blender:
             material.maps["norm"] = self._map(words, line, number)
-        elif keyword in _HEIGHTS:
-            self._say(
-                "bump", number, f"{keyword} is left out: MTL has no unit of height (accepted: norm, a normal map)"
-            )
+        elif keyword in _BUMPS:
+            material.maps["bump"] = self._map(words, line, number)
         elif keyword not in _UNSEEN:
             self.ignored[keyword[:20]] += 1
 

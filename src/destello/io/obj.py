@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from destello.errors import FormatError
 from destello.io._defaults import LoadOptions, ResolvedFiles
 from destello.io._mesh_scene import add_mesh, complete, grey, linear_colors, new_scene, painted, read_bytes
+from destello.io._obj_bump import settle
 from destello.io._obj_mtl import convert
 from destello.io._obj_mtl import parse as parse_mtl
 from destello.io._obj_parse import ObjData, parse
@@ -62,7 +63,8 @@ def _materials(data: ObjData, path: Path, options: LoadOptions, notes: list[str]
             folder = "" if (parent := PurePosixPath(name).parent) == PurePosixPath(".") else str(parent)
             real = path.parent / name
             blocks, ignored, said = parse_mtl(read_bytes(real), real, folder)
-            notes += said
+            files = ResolvedFiles(path.parent, allow_external=options.allow_external, scene_file=path)
+            notes += said + settle(blocks, files, real)
             _note_ignored(ignored, notes, name)
             for block in blocks:
                 found.setdefault(block.name, convert(block, real))
