@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from destello.errors import FormatError
 from destello.geometry import mesh_arrays
 from destello.io._gltf_materials import TEXTURED
 from destello.tangents import kept_tangents, wanted_tangents
@@ -79,17 +78,17 @@ def test_the_first_uv_set_is_where_tangents_are_needed(
 
 
 @pytest.mark.parametrize("number", [2, 5])
-def test_a_third_uv_set_is_an_error(number: int, tmp_path: Path) -> None:
-    """Which file, which texture, which set. Two sets of any numbers are read."""
+def test_a_texture_of_a_third_uv_set_is_left_out(number: int, tmp_path: Path) -> None:
+    """With a note: which texture, which set. Two sets of any numbers are read."""
     g = Gltf()
     index = texture_of(g, tmp_path)
     infos = [{"index": index, "texCoord": n} for n in (0, 1, number)]
     pbr = {"baseColorTexture": infos[0], "metallicRoughnessTexture": infos[1]}
-    with pytest.raises(FormatError, match=r"third set of texture coordinates.*TEXCOORD_0 or TEXCOORD_1") as caught:
-        scene_with(g, tmp_path, pbrMetallicRoughness=pbr, emissiveTexture=infos[2], emissiveFactor=[1, 1, 1])
-    assert str(caught.value.file).endswith(".glb")
-    assert caught.value.place == "materials[0].emissiveTexture"
-    assert caught.value.value == number
+    scene = scene_with(g, tmp_path, pbrMetallicRoughness=pbr, emissiveTexture=infos[2], emissiveFactor=[1, 0.5, 0])
+    material = scene.shapes[0]["material"]
+    assert (material["emission"], material["roughness"].type) == ((1, 0.5, 0), "scaled")
+    others = "its material's other textures read TEXCOORD_0 and TEXCOORD_1; its factor alone is used"
+    assert scene.notes == [f"materials[0].emissiveTexture: reads TEXCOORD_{number} where {others}"]
 
 
 def test_two_sets_of_any_numbers(tmp_path: Path) -> None:

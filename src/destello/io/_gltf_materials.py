@@ -97,7 +97,8 @@ class Materials:
         key = (-1 if item is None else item.index, colored, second)
         if key not in self._made:
             source = item if item is not None else Item({}, self.document.file)
-            self._images.second = self.uv_sets(item)[1] if second else None
+            first, other = self.uv_sets(item)
+            self._images.readable, self._images.second = (first, other), other if second else None
             try:
                 self._made[key] = self._convert(source, colored)
             except Error as error:
@@ -105,7 +106,7 @@ class Materials:
         return self._made[key]
 
     def uv_sets(self, item: Item | None) -> tuple[int | None, int | None]:
-        """Which two TEXCOORD_n the material's textures read; None: no (other) one. FormatError: there is a third.
+        """Which two TEXCOORD_n the material's textures read; None: no (other) one. Textures of a third are left out.
 
         The first is that of what needs tangents, else of the base colour.
         """
@@ -115,14 +116,9 @@ class Materials:
         for name, key in _BY_TANGENTS:
             owner = item.extension(name)
             bound.append(None if owner is None else owner.item(key))
-        infos = [info for info in (*bound, *_texture_infos(item)) if info is not None]
-        sets = [uv_set(info) for info in infos]
+        sets = [uv_set(info) for info in (*bound, *_texture_infos(item)) if info is not None]
         first = sets[0] if sets else None
         second = next((number for number in sets if number != first), None)
-        for info, number in zip(infos, sets, strict=True):
-            if number not in (first, second):
-                expected = f"TEXCOORD_{first} or TEXCOORD_{second}, which its other textures read"
-                raise info.error("a third set of texture coordinates in one material", value=number, expected=expected)
         return first, second
 
     def _note(self, text: str) -> None:

@@ -56,14 +56,18 @@ class Textures:
         self._buffers = buffers
         self._notes = notes
         self._sources: dict[int, Node] = {}
+        self.readable: tuple[int | None, int | None] = (None, None)
+        """Which TEXCOORD_n the mesh whose material is being made has."""
         self.second: int | None = None
-        """Which TEXCOORD_n is the second set of the mesh whose material is being made."""
+        """Which of them is its second set."""
 
     def image(self, info: Item, color_space: str) -> Node | None:
         """The texture that a textureInfo object names, or None (with a note) if its image is of no known kind.
 
-        `color_space`: "srgb" for colours, "linear" for data.
+        Likewise if it reads a third set of texture coordinates. `color_space`: "srgb" for colours, "linear" for data.
         """
+        if self._unreadable(info):
+            return None
         texture = self.document.refer(info, "index", "textures", required=True)
         assert texture is not None
         image = self._image_of(texture)
@@ -81,6 +85,8 @@ class Textures:
 
     def remapped(self, info: Item, channel: str, curve: Curve) -> Node | None:
         """A grey texture of `curve` of a `channel` ("r", "g", "b" or "a") of a textureInfo's image, in [0, 1]."""
+        if self._unreadable(info):
+            return None
         texture = self.document.refer(info, "index", "textures", required=True)
         assert texture is not None
         image = self._image_of(texture)
@@ -96,6 +102,16 @@ class Textures:
             self._remapped[key] = make.image(np.rint(values * 65535).astype(np.uint16))
         settings = {**self._sampler(texture), **self._place(info)}
         return self._remapped[key].replace(color_space="linear", name=self._name(texture, image), **settings)
+
+    def _unreadable(self, info: Item) -> bool:
+        number = uv_set(info)
+        if number in self.readable:
+            return False
+        others = " and ".join(f"TEXCOORD_{known}" for known in self.readable if known is not None)
+        note = f"{info.place}: reads TEXCOORD_{number} where its material's other textures read {others}"
+        if (note := f"{note}; its factor alone is used") not in self._notes:
+            self._notes.append(note)
+        return True
 
     def _place(self, info: Item) -> dict[str, object]:
         second = {"uv_set": "second"} if self.second is not None and uv_set(info) == self.second else {}
