@@ -49,17 +49,16 @@ std::vector<uint8_t> shade_classes(const Scene& scene) {
 class CudaBackend final : public Backend {
  public:
   CudaBackend(const Scene& scene, int device) : host_scene_(scene), device_(device), copier_(device) {
-    check_cuda(cudaSetDevice(device), "choose the device");
-    scene_ = std::make_unique<DeviceScene>(scene);
-    large_tree_ = scene.arrays().nodes.size() >= kLargeTree;
-    shade_class_ = DeviceBuffer<uint8_t>(shade_classes(scene));
+    use_device();
     passes_ = std::make_unique<PassGraphs>();
     check_cuda(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, device),
                "ask for multiprocessors");
   }
+  // Texture objects are destroyed on the device they are of.
+  ~CudaBackend() override { cudaSetDevice(device_); }
 
   RenderCounts render(const RenderTask& task, const FilmView& film, const std::atomic<bool>& cancel) override {
-    check_cuda(cudaSetDevice(device_), "choose the device");
+    use_device();
     const size_t pixels = static_cast<size_t>(film.width) * film.height;
     const bool aovs = film.aovs != nullptr;
     reserve(pixels, aovs);
@@ -76,22 +75,36 @@ class CudaBackend final : public Backend {
     return std::make_unique<CudaLiveFilm>(device_, width, height, features);
   }
   RenderCounts render_live(const RenderTask& task, LiveFilm* film, const std::atomic<bool>& cancel) override {
-    check_cuda(cudaSetDevice(device_), "choose the device");
+    use_device();
     return render_into(static_cast<CudaLiveFilm*>(film)->film(task.settings.aovs != 0), task, cancel);
   }
   void first_hits(const RenderSettings& settings, uint32_t* instances) override {
-    check_cuda(cudaSetDevice(device_), "choose the device");
+    use_device();
     first_hits_cuda(scene_->view().geometry, settings, instances);
   }
   void update(const SceneChanges& changes) override {
-    check_cuda(cudaSetDevice(device_), "choose the device");
-    scene_->update(host_scene_, changes);
+    use_device();
+    try {
+      scene_->update(host_scene_, changes);
+    } catch (...) {  // no memory, most likely: what is on the device cannot be relied on
+      scene_.reset();
+      throw;
+    }
     if (!changes.materials.empty() || !changes.objects.empty() || !changes.leaves.empty())
       shade_class_ = DeviceBuffer<uint8_t>(shade_classes(host_scene_));
   }
 
  private:
   static constexpr size_t kLargeTree = 512;  // nodes
+
+  // The device, with the scene on it.
+  void use_device() {
+    check_cuda(cudaSetDevice(device_), "choose the device");
+    if (scene_ != nullptr) return;
+    scene_ = std::make_unique<DeviceScene>(host_scene_);
+    large_tree_ = host_scene_.arrays().nodes.size() >= kLargeTree;
+    shade_class_ = DeviceBuffer<uint8_t>(shade_classes(host_scene_));
+  }
 
   RenderCounts render_into(const DeviceFilm& film, const RenderTask& task, const std::atomic<bool>& cancel) const {
     KernelParams p{scene_->view(), task, film, passes_->counts(), shade_class_.data(), 0, 0, 0, large_tree_};

@@ -17,7 +17,7 @@ struct LostLight {
     return {k2, logf(1.0f + 1.0f / k2)};
   }
   DST_HD Vec3 sample(Vec2 u) const {
-    const float z2 = min(k2 * (expf(u.x * span) - 1.0f), 1.0f), r = safe_sqrt(1.0f - z2);
+    const float z2 = saturate(k2 * (expf(u.x * span) - 1.0f)), r = safe_sqrt(1.0f - z2);
     const SinCos t = sincos_turns(u.y);
     return {r * t.cos, r * t.sin, sqrtf(z2)};
   }

@@ -65,7 +65,7 @@ DST_FN DST_COLD Medium unpack_medium(uint64_t bits) {
   const auto lost = [&](int shift) { return sqr(static_cast<float>(part(shift, 63)) * (1.0f / 63)); };
   const Vec3 all(extinction(0), extinction(14), extinction(28));
   const Vec3 absorbed = all * Vec3(lost(8), lost(22), lost(36));
-  const float g = static_cast<float>(part(42, 63)) * (1.0f / 31) - 1;
+  const float g = (static_cast<float>(part(42, 63)) - 31) * (1.0f / 31);  // exactly 0 where even, fused or not
   return {all - absorbed, Vec3(1), absorbed, {clamp(g, -0.99f, 0.99f)}};
 }
 

@@ -30,7 +30,7 @@ constexpr bool makes_medium(std::string_view name) {
 DST_FN MediumRecipe medium_recipe(const OpenPbr& m, float held) {
   const float through = m.transmission_weight, below = (1 - m.transmission_weight) * m.subsurface_weight;
   MediumRecipe r;
-  r.through = through / max(through + below, 1e-6f);
+  r.through = below > 0 ? through / max(through + below, 1e-6f) : through > 0 ? 1.0f : 0.0f;  // exactly 1, if so
   r.depth = m.transmission_depth;
   r.transmission_color = m.transmission_color;
   if (r.depth > 0) r.scattering = m.transmission_scatter / r.depth;

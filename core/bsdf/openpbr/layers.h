@@ -88,7 +88,7 @@ struct Layers {
       wi = normalize(reflect(o, coat_ggx.sample_visible(o, u)));
       return wi.z > 0 ? finish_sample(from_coat(wi), v, p) : BsdfSample{};
     } else if ((u_lobe -= p.facet) < 0) {
-      return sample_facet(v, p, u_lobe / p.facet + 1.0f, u);
+      return sample_facet(v, p, max(u_lobe / p.facet + 1.0f, 0.0f), u);
     } else if ((u_lobe -= p.up + p.down) < 0) {
       wi = square_to_cosine_hemisphere(u);
       if (u_lobe >= -p.down) wi.z = -wi.z;
