@@ -50,3 +50,19 @@ def test_an_index_of_1_under_layers(layer: str, tmp_path: Path) -> None:
     extensions = {extension: {layer: value}, "KHR_materials_ior": {"ior": 1.0}}
     node = material_of(g, tmp_path, pbrMetallicRoughness={"metallicFactor": 0}, extensions=extensions)
     assert (node.type, node["specular_ior"], node["specular_weight"]) == ("openpbr", 1.0, 1.0)
+
+
+@pytest.mark.parametrize("sheen", [0.0, 0.5])
+def test_dispersion_beyond_all_glass(sheen: float, tmp_path: Path) -> None:
+    """The extension has no limit; OpenPBR's Abbe number is at least 1, and so is that of plain glass."""
+    g = Gltf()
+    extensions = {
+        "KHR_materials_transmission": {"transmissionFactor": 1},
+        "KHR_materials_volume": {"thicknessFactor": 1},
+        "KHR_materials_dispersion": {"dispersion": 100},
+        "KHR_materials_sheen": {"sheenColorFactor": [sheen] * 3},
+    }
+    for name in extensions:
+        g.extend(name)
+    node = material_of(g, tmp_path, pbrMetallicRoughness={"metallicFactor": 0}, extensions=extensions)
+    assert node["transmission_dispersion_abbe_number" if sheen else "abbe"] == 1

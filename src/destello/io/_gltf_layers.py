@@ -299,7 +299,7 @@ class Layers:
     def abbe(self) -> float | None:
         """The Abbe number of KHR_materials_dispersion, or None without dispersion."""
         amount = self._factor("KHR_materials_dispersion", "dispersion", high=math.inf)
-        return min(20.0 / amount, 1000.0) if amount > 0 else None
+        return min(max(20.0 / amount, 1.0), 1000.0) if amount > 0 else None
 
     def _translucence(self, thin: bool, transmission: Value) -> dict[str, Value]:
         """Diffuse transmission: a thin wall's subsurface scatters straight on; a volume's walks through its medium."""
