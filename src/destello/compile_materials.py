@@ -62,8 +62,8 @@ class MaterialCompiler:
             where = f"{place} ({node.name})" if node.name else place
             params, grid = self.params(node, where, skip=("first", "second", "medium_volume")), None
             if node.type == "mix":
-                params["first"] = self.material(node["first"], f"{where}.first")
-                params["second"] = self.material(node["second"], f"{where}.second")
+                for name in ("first", "second"):
+                    params[name] = self._part(node[name], f"{where}.{name}")
             elif node["medium_volume"] is not None:
                 grid = self.volume(node["medium_volume"], f"{where}.medium_volume")
             with core_errors(where):
@@ -71,6 +71,13 @@ class MaterialCompiler:
                 if grid is not None:
                     self._builder.set_medium_grid(self._materials[node], grid)
         return self._materials[node]
+
+    def _part(self, node: Node, place: str) -> int:
+        """The core's number of one of the two materials of a mix."""
+        if node.type == "emissive" and node["power"] > 0:
+            expected = "radiance, since a part of a mix has no surface of its own"
+            raise SceneError("a power within a mix", place=f"{place}.power", value=node["power"], expected=expected)
+        return self.material(node, place)
 
     def check_uvs(self, shape: Node, place: str) -> None:
         """Whether the shape has the texture coordinates that its material's images want. Raises SceneError."""
