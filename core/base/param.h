@@ -108,4 +108,13 @@ DST_FN void set_param(S& s, Vec3 value) {
   if constexpr (p.u != nullptr) s.*p.u = static_cast<uint32_t>(value.x);
 }
 
+// The same with each component held to the parameter's range: textures and vertex colours, unlike constants, are not checked.
+template <class S, size_t I>
+DST_FN void set_param_in_range(S& s, Vec3 value) {
+  constexpr Param<S> p = S::params[I];
+  if constexpr (p.lo > -kNoLimit) value = max(value, Vec3(p.lo));
+  if constexpr (p.hi < kNoLimit) value = min(value, Vec3(p.hi));
+  set_param<S, I>(s, value);
+}
+
 }  // namespace destello

@@ -23,14 +23,34 @@ struct Diffuse {
     if (wi.z <= 0) return Vec3(0);
     return value(wo, wi) * (wi.z * kInvPi);
   }
-  DST_HD float pdf(Vec3, Vec3 wi) const { return cosine_hemisphere_pdf(wi.z); }
-  DST_HD BsdfSample sample(Vec3 wo, float, Vec2 u) const {
+  DST_HD float pdf(Vec3 wo, Vec3 wi) const {
+    return roughness == 0 || wi.z <= 0 ? cosine_hemisphere_pdf(wi.z) : rough_pdf(wo, wi);
+  }
+  DST_HD BsdfSample sample(Vec3 wo, float lobe, Vec2 u) const {
+    if (roughness > 0) return sample_rough(*this, wo, lobe, u);
     const Vec3 wi = square_to_cosine_hemisphere(u);
     if (wi.z <= 0) return {};
-    return {wi, value(wo, wi), cosine_hemisphere_pdf(wi.z), kReflection};
+    return {wi, reflectance, cosine_hemisphere_pdf(wi.z), kReflection};
   }
 
  private:
+  // A rough surface seen at a grazing angle sends light back at grazing angles, which the cosine hardly draws (weights up to
+  // 280): so many directions are drawn evenly over the hemisphere (weights up to 3).
+  DST_HD float even_share(Vec3 wo) const { return 0.5f * sqrtf(roughness) * sqr(1.0f - wo.z); }
+  DST_HD float rough_pdf(Vec3 wo, Vec3 wi) const {
+    const float even = even_share(wo);
+    return even * (0.5f * kInvPi) + (1.0f - even) * cosine_hemisphere_pdf(wi.z);
+  }
+  DST_HD DST_COLD static BsdfSample sample_rough(Diffuse d, Vec3 wo, float lobe, Vec2 u) {
+    Vec3 wi = square_to_cosine_hemisphere(u);
+    if (lobe < d.even_share(wo)) {
+      wi = square_to_sphere(u);
+      wi.z = fabsf(wi.z);
+    }
+    if (wi.z <= 0) return {};
+    const float pdf = d.rough_pdf(wo, wi);
+    return {wi, d.eval(wo, wi) * (1.0f / pdf), pdf, kReflection};
+  }
   // The BRDF times pi.
   DST_HD Vec3 value(Vec3 wo, Vec3 wi) const { return roughness == 0 ? reflectance : rough(*this, wo, wi); }
   // By value: what the callers have of it stays in registers.

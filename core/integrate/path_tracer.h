@@ -249,8 +249,11 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     }
     const Vec3 origin = offset_origin(s.p, s.error, s.ng, ray.direction);
     // Aim again: what the offset has moved would else add up to a hit on the light itself.
-    ray = ray.t_max < kInfinity ? ray_between(origin, target, ray.direction, ray.time)
-                                : Ray{origin, ray.direction, kInfinity, ray.time};
+    const Ray rest = ray.t_max < kInfinity ? ray_between(origin, target, ray.direction, ray.time)
+                                           : Ray{origin, ray.direction, kInfinity, ray.time};
+    // A surface that lies on the light: the offset has gone past the target, and back would be across the surface for ever.
+    if (dot(rest.direction, ray.direction) <= 0) return left;
+    ray = rest;
   }
 }
 

@@ -129,16 +129,24 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   return p;
 }
 
-// Loads T's parameters at a point of a surface: each slot's value, textures (if the scene has some) looked up.
+// One of T's parameters at a point of a surface: its slot's value. What a texture says is held to the parameter's range: a
+// reflectance above 1 would make light, and one below 0 take it away.
+template <class T, size_t I, bool textured>
+DST_FN DST_HOT void load_param(const Slot& slot, const TextureContext& context, const TextureData& textures, T* bsdf) {
+  constexpr auto param = T::params[I];
+  if constexpr (textured && param.texturable)
+    set_param_in_range<T, I>(*bsdf, eval_slot(slot, context, textures, param.kind == ParamKind::Scalar));
+  else
+    set_param<T, I>(*bsdf, slot.value);
+}
+
+// Loads T's parameters at a point of a surface, textures (if the scene has some) looked up.
 template <class T, bool textured, size_t... I>
 DST_FN DST_HOT T load_bsdf(const SceneView& scene, uint32_t first_slot, const TextureContext& context,
                            std::index_sequence<I...>) {
   T bsdf;
   const Slot* slots = scene.textures.slots.data + first_slot;
-  (set_param<T, I>(bsdf, textured && T::params[I].texturable
-                             ? eval_slot(slots[I], context, scene.textures, T::params[I].kind == ParamKind::Scalar)
-                             : slots[I].value),
-   ...);
+  (load_param<T, I, textured>(slots[I], context, scene.textures, &bsdf), ...);
   return bsdf;
 }
 

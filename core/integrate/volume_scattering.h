@@ -25,7 +25,7 @@ DST_FN OpenPbr medium_params(const Slot* slots, const TextureContext& context, c
     constexpr size_t i = decltype(index)::value;
     constexpr auto param = OpenPbr::params[i];
     if constexpr (openpbr::makes_medium(param.name))
-      set_param<OpenPbr, i>(m, eval_slot(slots[i], context, textures, param.kind == ParamKind::Scalar));
+      set_param_in_range<OpenPbr, i>(m, eval_slot(slots[i], context, textures, param.kind == ParamKind::Scalar));
   };
   (load(std::integral_constant<size_t, I>{}), ...);
   return m;

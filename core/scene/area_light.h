@@ -199,7 +199,7 @@ DST_FN Vec3 emitted_radiance(const SceneView& scene, uint32_t material, TextureC
   if (!(m.flags & kHasEmission) || (dot(ng, w) <= 0 && !(m.flags & kEmissionTwoSided))) return {};
   const Slot& slot = scene.textures.slots[m.surface_slot + kEmissionSlot];
   if constexpr (!textured) return slot.value;
-  return eval_slot(slot, context, scene.textures, false);
+  return max(eval_slot(slot, context, scene.textures, false), Vec3(0));
 }
 
 }  // namespace destello

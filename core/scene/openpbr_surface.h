@@ -88,7 +88,7 @@ inline void find_textures_inside(const std::vector<Slot>& slots, const OpenPbr& 
 template <class Mean, size_t... I>
 OpenPbr openpbr_means(const std::vector<Slot>& slots, const Mean& mean, std::index_sequence<I...>) {
   OpenPbr m;
-  (set_param<OpenPbr, I>(m, mean(slots[I], OpenPbr::params[I].kind == ParamKind::Scalar)), ...);
+  (set_param_in_range<OpenPbr, I>(m, mean(slots[I], OpenPbr::params[I].kind == ParamKind::Scalar)), ...);
   return m;
 }
 

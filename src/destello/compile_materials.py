@@ -17,7 +17,7 @@ from destello.images import linear_rgb, missing_image
 from destello.mesh_checks import check_uv_sets, uv_reads
 from destello.metals import in_space
 from destello.nodes import Node
-from destello.schema import NORMALS, TANGENTS, ParamDoc, is_color
+from destello.schema import NORMALS, TANGENTS, ParamDoc, Role, role_of
 from destello.transform import Transform, scale, translate
 from destello.udim import read_tiles
 
@@ -39,7 +39,7 @@ class MaterialCompiler:
         self._outer = outer or Transform()
         self._materials: dict[Node, int] = {}
         self._volumes: dict[Node, int] = {}
-        self._textures: dict[tuple[Node, bool], int | None] = {}
+        self._textures: dict[tuple[Node, Role], int | None] = {}
         self._default: int | None = None
         self._channels: dict[Node, str] = {}  # of image textures
         self._placed: dict[Transform, MaterialCompiler] = {}
@@ -60,19 +60,24 @@ class MaterialCompiler:
             return self._default
         if node not in self._materials:
             where = f"{place} ({node.name})" if node.name else place
+            params, grid = self.params(node, where, skip=("first", "second", "medium_volume")), None
             if node.type == "mix":
-                params = self.params(node, where, skip=("first", "second", "medium_volume"))
-                params["first"] = self.material(node["first"], f"{where}.first")
-                params["second"] = self.material(node["second"], f"{where}.second")
-            else:
-                params = self.params(node, where, skip=("medium_volume",))
-            volume = node["medium_volume"]
-            grid = None if volume is None else self.volume(volume, f"{where}.medium_volume")
+                for name in ("first", "second"):
+                    params[name] = self._part(node[name], f"{where}.{name}")
+            elif node["medium_volume"] is not None:
+                grid = self.volume(node["medium_volume"], f"{where}.medium_volume")
             with core_errors(where):
                 self._materials[node] = self._builder.add_material(node.type, params)
                 if grid is not None:
                     self._builder.set_medium_grid(self._materials[node], grid)
         return self._materials[node]
+
+    def _part(self, node: Node, place: str) -> int:
+        """The core's number of one of the two materials of a mix."""
+        if node.type == "emissive" and node["power"] > 0:
+            expected = "radiance, since a part of a mix has no surface of its own"
+            raise SceneError("a power within a mix", place=f"{place}.power", value=node["power"], expected=expected)
+        return self.material(node, place)
 
     def check_uvs(self, shape: Node, place: str) -> None:
         """Whether the shape has the texture coordinates that its material's images want. Raises SceneError."""
@@ -98,22 +103,23 @@ class MaterialCompiler:
                 )
         return self._volumes[node]
 
-    def params(self, node: Node, place: str, skip: tuple[str, ...] = (), *, colors: bool = True) -> dict[str, Any]:
-        """The parameters of any node in the core's form, those in `skip` left out. `colors`: they are looked at."""
+    def params(self, node: Node, place: str, skip: tuple[str, ...] = (), *, role: Role | None = None) -> dict[str, Any]:
+        """The parameters of any node in the core's form but those in `skip`. `role`: of all; None: each its own."""
         docs, made = node.doc.params, {}
         for name, value in node.params.items():
             if name not in skip:
-                plain = self._value(docs[name], value, f"{place}.{name}") if isinstance(value, Node) else value
+                doc, where = docs[name], f"{place}.{name}"
+                plain = self._value(doc, value, role or role_of(doc), where) if isinstance(value, Node) else value
                 if plain is not None:
                     made[name] = plain
-        if colors and self._images.working != "rec709":
+        if role in (None, "color") and self._images.working != "rec709":
             self._bring_in(docs, made)
         return made
 
     def _bring_in(self, docs: Mapping[str, ParamDoc], made: dict[str, Any]) -> None:
         """Puts colours, defaults too, into the working space."""
         for name, doc in docs.items():
-            if is_color(doc):
+            if role_of(doc) == "color":
                 value = made.get(name, doc.default)
                 if isinstance(value, tuple):
                     inside = self._images.color(value)
@@ -127,35 +133,35 @@ class MaterialCompiler:
         if isinstance(rates, tuple) and len(set(rates)) > 1:
             made["medium_absorption"] = absorption_in(rates, self._images.working)
 
-    def _value(self, doc: ParamDoc, texture: Node, place: str) -> dict[str, Any] | None:
+    def _value(self, doc: ParamDoc, texture: Node, role: Role, place: str) -> dict[str, Any] | None:
         """A texture in place of a value; None if its image is missing and the default must do."""
         made: dict[str, Any] = {}
         if texture.type in ("scaled", "vertex_color"):
             made = _factor(doc, texture, place)
-            if is_color(doc):
+            if role == "color":
                 made["scale"] = self._images.color(made["scale"])
         if texture.type == "vertex_color":
             return {"vertex_color": True, **made}
         if texture.type == "scaled":
             made["vertex_color"] = texture["vertex_color"]
             texture = texture["texture"]
-        number = self.texture(texture, is_color(doc), place)
+        number = self.texture(texture, role, place)
         if doc.name in NORMALS | TANGENTS:
             self._check_channel(texture, "rgb" if doc.name in NORMALS else "rg", place)
         elif doc.kind == "scalar" and made.get("channel", "r") in "rgba":
             self._check_channel(texture, made.get("channel", "r"), place)
         return None if number is None else {"texture": number, **made}
 
-    def texture(self, node: Node, color: bool, place: str) -> int | None:
-        """The core's number of a texture. `color`: it is looked at, so that 8-bit images in it count as sRGB."""
-        key = (node, color)
+    def texture(self, node: Node, role: Role, place: str) -> int | None:
+        """The core's number of a texture. `role`: of all that it is made of; 8-bit images of colours count as sRGB."""
+        key = (node, role)
         if key not in self._textures:
             where = f"{place} ({node.name})" if node.name else place
             kind = node.type
             if kind == "image":
-                kind, params = self.image(node, color, where)
+                kind, params = self.image(node, role, where)
             else:
-                params = self.params(node, where, colors=color)
+                params = self.params(node, where, role=role)
             with core_errors(where):
                 self._textures[key] = None if params is None else self._builder.add_texture(kind, params)
         return self._textures[key]
@@ -174,38 +180,41 @@ class MaterialCompiler:
                 expected="another image or channel, or missing_channels: fill",
             )
 
-    def image(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+    def image(self, texture: Node, role: Role, place: str) -> tuple[str, dict[str, Any] | None]:
         """The core's texture for an image. A missing one gives the stand-in, or None where no colour shows."""
         path = texture["path"]
         if path is not None and MARK in path:
-            return self._tiles(texture, color, place)
+            return self._tiles(texture, role, place)
         if path is None:
             texels = self._assets.array(texture, place)
         else:
             found = self._assets.texels(path, f"{place}.path")
             if found is None:
-                return "image", self._stand_in(texture, color, place)
+                return "image", self._stand_in(texture, role, place)
             texels = found[1]
         self._channels[texture] = _CHANNELS[texels.shape[2]]
-        texels, srgb = self._images.decoded(texels, texture["color_space"], color)
+        texels, srgb = self._decoded(texels, texture, role)
         return "image", {"image": self._images.add(texels, srgb, _options(texture), place)}
 
-    def _tiles(self, texture: Node, color: bool, place: str) -> tuple[str, dict[str, Any] | None]:
+    def _decoded(self, texels: NDArray[Any], texture: Node, role: Role) -> tuple[NDArray[Any], bool]:
+        texels, srgb = self._images.decoded(texels, texture["color_space"], role == "color")
+        return (self._images.turned(texels, texture), srgb) if role == "directions" else (texels, srgb)
+
+    def _tiles(self, texture: Node, role: Role, place: str) -> tuple[str, dict[str, Any] | None]:
         path = texture["path"]
         tiles = read_tiles(self._assets, path, f"{place}.path")
         if tiles is None:
-            return "image", self._stand_in(texture, color, place)
-        space = texture["color_space"]
-        read = [None if tile is None else self._images.decoded(tile, space, color) for tile in tiles.texels]
+            return "image", self._stand_in(texture, role, place)
+        read = [None if tile is None else self._decoded(tile, texture, role) for tile in tiles.texels]
         kind, srgb = next(tile for tile in read if tile is not None)
         self._channels[texture] = _CHANNELS[kind.shape[2]]
         options = {**_options(texture), "wrap_u": "clamp", "wrap_v": "clamp"}
         first = self._images.add_tiles([tile and tile[0] for tile in read], srgb, options, place)
         return "udim", {"first": first, "columns": tiles.columns, "rows": tiles.rows}
 
-    def _stand_in(self, texture: Node, color: bool, place: str) -> dict[str, Any] | None:
-        self._note_missing(texture["path"], color)
-        if not color:
+    def _stand_in(self, texture: Node, role: Role, place: str) -> dict[str, Any] | None:
+        self._note_missing(texture["path"], role == "color")
+        if role != "color":
             return None
         options = {**_options(texture), "filter": "nearest"}
         return {"image": self._images.add(missing_image(), True, options, place)}

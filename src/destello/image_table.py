@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.compile_errors import core_errors
+from destello.images import turned_directions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,6 +108,16 @@ class ImageTable:
             self._converted[key] = (made, srgb)
             self._origins[id(made)] = self.digest(texels)
         return self._converted[key]
+
+    def turned(self, texels: NDArray[Any], texture: Node) -> NDArray[Any]:
+        """Texels that are directions (normal and tangent maps), turned and mirrored as their image on the surface."""
+        scale, degrees = texture["uv_scale"], texture["uv_rotation"]
+        key = (self.digest(texels), *(s < 0 for s in scale), degrees)
+        if key not in self._converted:
+            made = turned_directions(texels, scale, degrees)
+            self._converted[key] = (made, False)
+            self._origins.setdefault(id(made), self._origins.get(id(texels), self.digest(texels)))
+        return self._converted[key][0]
 
     def color(self, rgb: tuple[float, ...]) -> tuple[float, ...]:
         """Linear Rec.709 in the working space, nothing below 0 that was not before."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 LARGEST_SIDE = 65536  # px
 LARGEST_BYTES = 8 << 30
+_LEAST_TURN = 0.001  # degrees; files hold right angles as rounded radians
 
 
 def read_texels(path: Path) -> NDArray[Any]:
@@ -130,6 +132,33 @@ def linear_rgb(texels: NDArray[Any], color_space: str, working: str = "rec709") 
         primaries, decode = ENCODINGS[color_space]
         values = converted(decode(values), primaries, working)
     return np.ascontiguousarray(np.maximum(values, np.float32(0)))
+
+
+def turned_directions(texels: NDArray[Any], scale: Sequence[float], degrees: float) -> NDArray[Any]:
+    """Texels (height, width, channels) whose first two are a direction along an image's axes, as (x + 1) / 2, along the
+    mesh's u and v instead. `scale`, `degrees`: of the texture (`uv_scale`, `uv_rotation`).
+
+    8-bit and 16-bit texels stay so where the axes only change places, else they become half and single precision.
+    """
+    mirror_x, mirror_y = (s < 0 for s in scale)
+    quarters = round(degrees / 90)
+    even = abs(degrees - 90 * quarters) < _LEAST_TURN
+    if texels.shape[2] < 3 or (even and quarters % 4 == 0 and not (mirror_x or mirror_y)):
+        return texels
+    if texels.dtype.kind == "u" and not even:
+        kind = {"uint8": np.float16, "uint16": np.float32}[texels.dtype.name]
+        texels = (texels / np.float32(np.iinfo(texels.dtype).max)).astype(kind)
+    one = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1
+    made = texels.copy()
+    x, y = texels[..., 0], texels[..., 1]
+    if even:
+        x, y = ((x, y), (y, one - x), (one - x, one - y), (one - y, x))[quarters % 4]
+    else:
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        dx, dy = (channel.astype(np.float32) - np.float32(0.5) for channel in (x, y))
+        x, y = 0.5 + c * dx + s * dy, 0.5 - s * dx + c * dy
+    made[..., 0], made[..., 1] = one - x if mirror_x else x, one - y if mirror_y else y
+    return made
 
 
 def missing_image() -> NDArray[np.uint8]:

@@ -265,6 +265,8 @@ EXTRA: Mapping[str, Mapping[str, tuple[ParamDoc, ...]]] = {
     "material": {"mix": _MIX, "conductor": _METAL},
     "environment": {"image": _IMAGE},
 }
+# Types without what all others of their kind have: a mix is its two materials, with all that belongs to these.
+BARE = frozenset({"mix"})
 # Parameters that Python adds to every type of a kind.
 COMMON: Mapping[str, tuple[ParamDoc, ...]] = {
     "material": (ParamDoc("medium_volume", "what varies the medium; stands in the shape's own space", "volume"),),

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from destello.errors import SceneError, did_you_mean
 
@@ -31,7 +31,9 @@ KINDS: Mapping[str, str] = MappingProxyType(
 NO_LIMIT = 3.0e38  # the core's word for "no limit" (core/base/param.h)
 NORMALS = frozenset({"normal_map", "geometry_coat_normal"})
 TANGENTS = frozenset({"tangent_map", "geometry_coat_tangent"})
-_NUMBERS = NORMALS | TANGENTS | {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
+_NUMBERS = {"eta", "k", "subsurface_radius_scale"}  # in the guise of colours
+Role = Literal["color", "directions", "number"]
+"""What a value is for; a texture in its place is read accordingly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +146,8 @@ def build(raw: Mapping[str, Any]) -> Schema:
             if name in own.INTERNAL:
                 continue
             params = [core_param(p) for p in entry["params"]]
-            types[name] = _type(kind, name, str(entry["doc"]), [*extra.get(name, ()), *params], common)
+            shared = () if name in own.BARE else common
+            types[name] = _type(kind, name, str(entry["doc"]), [*extra.get(name, ()), *params], shared)
         for doc in own.TYPES:
             if doc.kind == kind and (doc.type not in types or doc.type in own.REPLACED):
                 types[doc.type] = _type(kind, doc.type, doc.doc, list(doc.params.values()), common)
@@ -188,9 +191,16 @@ def core_param(raw: Mapping[str, Any]) -> ParamDoc:
     )
 
 
+def role_of(doc: ParamDoc) -> Role:
+    """Whether the parameter is a colour to look at, or directions or numbers, be they in the guise of one."""
+    if doc.name in NORMALS | TANGENTS:
+        return "directions"
+    return "color" if doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS else "number"
+
+
 def is_color(doc: ParamDoc) -> bool:
-    """Whether the parameter is a colour to look at, and not directions or numbers in the guise of one."""
-    return doc.kind == "color" and doc.unit != "1/m" and doc.name not in _NUMBERS
+    """Whether the parameter is a colour to look at."""
+    return role_of(doc) == "color"
 
 
 def required(doc: ParamDoc) -> ParamDoc:

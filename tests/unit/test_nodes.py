@@ -67,6 +67,15 @@ def test_lists_cover_the_issue() -> None:
     assert {"gaussian", "box", "tent", "mitchell", "blackman_harris"} <= set(dir(dl.filters))
 
 
+@pytest.mark.parametrize("name", ["opacity", "emission", "normal_map", "bump", "medium_density", "priority"])
+def test_a_mix_has_nothing_but_its_two_materials(name: str) -> None:
+    """Paths see one of the two: what would be the mix's own did nothing."""
+    two = {"first": dl.materials.diffuse(), "second": dl.materials.conductor()}
+    with pytest.raises(SceneError, match=f"{name}: mix has no parameter of this name") as found:
+        dl.materials.mix(**two, **{name: 0.5})
+    assert "amount, first, second" in str(found.value)
+
+
 def test_unknown_factory_names_the_nearest() -> None:
     with pytest.raises(AttributeError, match="did you mean 'diffuse'"):
         _ = dl.materials.difuse

@@ -184,6 +184,14 @@ def test_mix(spied: Any) -> None:
     assert calls[-1]["1"] == {"amount": 0.25, "first": 0, "second": 2}
 
 
+def test_a_lamp_within_a_mix_is_not_given_by_its_power() -> None:
+    """It had a radiance of 1, whatever the power."""
+    lamp = dl.materials.emissive(power=100)
+    mixed = dl.materials.mix(dl.materials.diffuse(), dl.materials.mix(lamp, dl.materials.diffuse()))
+    with pytest.raises(SceneError, match=r"second\.first\.power: a power within a mix: 100"):
+        scene_of(triangle(material=mixed)).compile()
+
+
 def test_vertex_colours_get_an_alpha(spied: Any) -> None:
     (call,) = spied(scene_of(triangle(colors=np.full((3, 3), 0.5))), "add_mesh")
     assert call["colors"].tolist() == [[0.5, 0.5, 0.5, 1.0]] * 3

@@ -18,7 +18,7 @@ _HEAD_ON = ((_IOR - 1) / (_IOR + 1)) ** 2
 
 def params(old: Item, diffuse: Node | None, images: Textures, colored: bool) -> dict[str, Value]:
     """The parameters of `metallic_roughness`. `diffuse`: the diffuse texture. Raises FormatError."""
-    color = old.numbers("diffuseFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)[:3]
+    color = old.shares("diffuseFactor", 4)[:3]
     specular = old.numbers("specularFactor", 3, (1.0, 1.0, 1.0), low=0)
     gloss = old.number("glossinessFactor", 1.0, low=0, high=1)
     info = old.item("specularGlossinessTexture")

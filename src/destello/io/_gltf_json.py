@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from destello.errors import FormatError
 
+ROUNDING = 1e-6  # what single precision may add to a number, or take from it, relative to its limit
 _LARGEST = 3.4028234e38  # float32
 
 
@@ -60,20 +61,26 @@ class Item:
     ) -> float:
         """A finite number from `low` to `high`; without a `default` it must be there."""
         value: Any = self.data.get(key, default)
-        if not _is_number(value) or not low <= value <= high:
-            limits = [f"at least {low:g}"] * (low > -math.inf) + [f"at most {high:g}"] * (high < math.inf)
-            self._wrong(key, " of ".join(["a number", " and ".join(limits)]) if limits else "a number")
-        return float(value)
+        held = _held(value, low, high)
+        if held is None:
+            self._wrong(key, f"a number{_limits(low, high)}")
+        return held
 
     def numbers(
         self, key: str, count: int, default: Sequence[float] | None = None, *, low: float = -math.inf
     ) -> tuple[float, ...]:
         """`count` finite numbers of at least `low`; without a `default` they must be there."""
         value: Any = self.data.get(key, default)
-        good = isinstance(value, (list, tuple)) and len(value) == count
-        if not good or not all(_is_number(v) and v >= low for v in value):
-            self._wrong(key, f"{count} numbers" + (f" of at least {low:g}" if low > -math.inf else ""))
-        return tuple(float(v) for v in value)
+        listed = isinstance(value, (list, tuple)) and len(value) == count
+        held = [h for v in value if (h := _held(v, low, math.inf)) is not None] if listed else []
+        if len(held) != count:
+            self._wrong(key, f"{count} numbers{_limits(low, math.inf)}")
+        return tuple(held)
+
+    def shares(self, key: str, count: int) -> tuple[float, ...]:
+        """`count` numbers of at least 0, by default 1: shares of light, many of which are 1 but for rounding."""
+        values = self.numbers(key, count, (1.0,) * count, low=0)
+        return tuple(1.0 if 1 < value <= 1 + ROUNDING else value for value in values)
 
     def text(self, key: str, default: str | None = None) -> str:
         """A text; without a `default` it must be there."""
@@ -179,6 +186,20 @@ class Document:
 
 def _indices_of(table: str, count: int) -> str:
     return f"0 to {count - 1}: there are {count} {table}" if count else f"none: there are no {table}"
+
+
+def _held(value: Any, low: float, high: float) -> float | None:
+    """A number from `low` to `high`, or None; one that rounding has put just outside is the limit."""
+    if not _is_number(value):
+        return None
+    slack = [ROUNDING * abs(limit) if limit != 0 else ROUNDING for limit in (low, high)]
+    near = (low == -math.inf or value >= low - slack[0]) and (high == math.inf or value <= high + slack[1])
+    return min(max(float(value), low), high) if near else None
+
+
+def _limits(low: float, high: float) -> str:
+    limits = [f"at least {low:g}"] * (low > -math.inf) + [f"at most {high:g}"] * (high < math.inf)
+    return f" of {' and '.join(limits)}" if limits else ""
 
 
 def _is_number(value: object) -> bool:

@@ -97,7 +97,9 @@ class Layers:
         found = self._item.extension("KHR_materials_specular") or Item({}, self._item.file, self._item.place)
         strength, color = self._specular_factors(found)
         most = max(1.0, *color)
-        strength *= most * head_on(ior) / head_on(min(ior, _MOST_IOR))
+        strength *= most
+        if ior > _MOST_IOR:
+            strength *= head_on(ior) / head_on(_MOST_IOR)
         made = {
             "specular_weight": slot(strength, self._texture(found, "specularTexture", "linear"), channel="a"),
             "specular_color": slot(
@@ -297,7 +299,7 @@ class Layers:
     def abbe(self) -> float | None:
         """The Abbe number of KHR_materials_dispersion, or None without dispersion."""
         amount = self._factor("KHR_materials_dispersion", "dispersion", high=math.inf)
-        return min(20.0 / amount, 1000.0) if amount > 0 else None
+        return min(max(20.0 / amount, 1.0), 1000.0) if amount > 0 else None
 
     def _translucence(self, thin: bool, transmission: Value) -> dict[str, Value]:
         """Diffuse transmission: a thin wall's subsurface scatters straight on; a volume's walks through its medium."""
@@ -305,7 +307,7 @@ class Layers:
         factor = self._factor("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor")
         if found is None or factor == 0:
             return {}
-        color = found.numbers("diffuseTransmissionColorFactor", 3, (1.0, 1.0, 1.0), low=0)
+        color = found.shares("diffuseTransmissionColorFactor", 3)
         share = self._texture(found, "diffuseTransmissionTexture", "linear")
         tint = self._texture(found, "diffuseTransmissionColorTexture", "srgb")
         made: dict[str, Value] = {

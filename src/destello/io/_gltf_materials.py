@@ -15,7 +15,7 @@ import destello.materials as make
 from destello.errors import Error, gather
 from destello.io import _gltf_glossiness as glossiness
 from destello.io import _gltf_layers as layers
-from destello.io._gltf_json import Document, Item
+from destello.io._gltf_json import ROUNDING, Document, Item
 from destello.io._gltf_slots import Value, slot
 from destello.io._gltf_textures import Curve, Textures, uv_set
 from destello.io._gltf_variants import Variants
@@ -133,7 +133,7 @@ class Materials:
         if old is not None and item.extension("KHR_materials_unlit") is None:
             return self._old(item, old, colored, name)
         pbr = item.item("pbrMetallicRoughness") or Item({}, item.file, item.at("pbrMetallicRoughness"))
-        red, green, blue, alpha = pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)
+        red, green, blue, alpha = pbr.shares("baseColorFactor", 4)
         base_texture = self._texture(pbr, "baseColorTexture", "srgb")
         base = slot((red, green, blue), base_texture, colored=colored)
         surface = self._opacity(item, alpha, base_texture, colored)
@@ -161,7 +161,7 @@ class Materials:
 
     def _old(self, item: Item, old: Item, colored: bool, name: str | None) -> Node:
         """KHR_materials_pbrSpecularGlossiness, which stands for the whole of pbrMetallicRoughness."""
-        alpha = old.numbers("diffuseFactor", 4, (1.0, 1.0, 1.0, 1.0), low=0)[3]
+        alpha = old.shares("diffuseFactor", 4)[3]
         texture = self._texture(old, "diffuseTexture", "srgb")
         surface = self._opacity(item, alpha, texture, colored) | self._emission(item) | self._normal_map(item)
         return make.metallic_roughness(name=name, **glossiness.params(old, texture, self._images, colored), **surface)
@@ -260,9 +260,9 @@ def _ior(item: Item) -> float:
     ior = 1.5 if extension is None else extension.number("ior", 1.5, low=0)
     if ior == 0.0:  # glTF's word for "reflects everything"
         return 1000.0
-    if ior < 1.0 and extension is not None:
+    if ior < 1.0 - ROUNDING and extension is not None:
         raise extension.error("out of range", "ior", value=ior, expected="0 or a number of at least 1")
-    return min(ior, 1000.0)
+    return min(max(ior, 1.0), 1000.0)
 
 
 def _glass(
@@ -282,7 +282,7 @@ def _glass(
     dispersion = item.extension("KHR_materials_dispersion")
     amount = 0.0 if dispersion is None else dispersion.number("dispersion", 0.0, low=0)
     if amount > 0:
-        glass["abbe"] = min(20.0 / amount, 1000.0)
+        glass["abbe"] = min(max(20.0 / amount, 1.0), 1000.0)
     if transmission == 1.0 and params["metallic"] == 0.0:
         return make.dielectric(name=name, **glass)
     opaque, clear = make.metallic_roughness(**_without_defaults(params), **surface), make.dielectric(**glass)
