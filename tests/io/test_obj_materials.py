@@ -109,12 +109,20 @@ def test_bump_maps_of_normals_are_normal_maps(keyword: str, kind: Any, found: bo
         kind = np.uint8
     texels = np.round((normals + 1) / 2 * np.iinfo(kind).max).astype(kind)
     (tmp_path / "n.png").write_bytes(encode_image(texels, ".png", tmp_path))
-    node = blender_material(tmp_path, f"Kd 1 1 1\n{keyword} -bm 0.5 n.png\n", header="# by hand")
+    lines = f"Kd 1 1 1\n{keyword} -bm 0.5 n.png\n"
+    assert (
+        blender_material(tmp_path, lines).params.get("normal_map") is not None
+    ) == found  # old versions wrote heights
+    node = blender_material(tmp_path, lines, header="# by hand")
     normal = node.params.get("normal_map")
     assert (normal is not None) == found
     assert notes(tmp_path) == ([] if found else [left_out(4)])
     if normal is not None:
         assert (normal["path"], normal["color_space"], node["normal_scale"]) == ("n.png", "linear", 0.5)
+
+
+def test_blender_bump_without_a_file_is_missing(tmp_path: Path) -> None:
+    assert blender_material(tmp_path, "Kd 1 1 1\nmap_Bump none.png\n")["normal_map"]["path"] == "none.png"
 
 
 def test_bump_maps_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""MTL's bump maps (`bump`, `map_bump`): many a program writes normal maps there, which their texels tell."""
+"""MTL's bump maps (`bump`, `map_bump`): many a program writes normal maps there, which their texels tell.
+
+Blender since 3.2 means normal maps whatever they hold, but its older versions wrote heights: grey images.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +25,16 @@ def settle(blocks: Sequence[Material], files: ResolvedFiles, mtl: Path) -> list[
 
     Others are heights, of which MTL does not say the unit, or cannot be read.
     """
-    seen: dict[str, bool] = {}
+    seen: dict[tuple[str, bool], bool] = {}
     left = []
     for block in blocks:
         bump = block.maps.pop("bump", None)
         if bump is None or "norm" in block.maps:
             continue
-        if bump.path not in seen:
-            seen[bump.path] = _is_normal_map(bump.path, files)
-        if seen[bump.path]:
+        key = (bump.path, block.blender)
+        if key not in seen:
+            seen[key] = _is_normal_map(bump.path, files, blender=block.blender)
+        if seen[key]:
             block.maps["norm"] = bump
         else:
             left.append((block, bump))
@@ -42,12 +46,19 @@ def settle(blocks: Sequence[Material], files: ResolvedFiles, mtl: Path) -> list[
     return [f"{mtl.name}:{bump.line}: newmtl {block.name}: the bump map is left out: {why}{more}"]
 
 
-def _is_normal_map(path: str, files: ResolvedFiles) -> bool:
+def _is_normal_map(path: str, files: ResolvedFiles, *, blender: bool) -> bool:
     try:
         found = files.find(path)
-        return found is not None and holds_normals(read_texels(found))
+        texels = None if found is None else read_texels(found)
     except Error:  # out of bounds, or no image
-        return False
+        texels = None
+    if texels is None:
+        return blender  # which is told of as any other image that is not there
+    return (blender and not _is_grey(texels)) or holds_normals(texels)
+
+
+def _is_grey(texels: NDArray[Any]) -> bool:
+    return texels.shape[2] < 3 or bool((texels[..., :1] == texels[..., 1:3]).all())
 
 
 def holds_normals(texels: NDArray[Any]) -> bool:

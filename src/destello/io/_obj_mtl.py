@@ -7,8 +7,8 @@ Decisions where the format leaves room:
 - Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
 - Files that Blender wrote (they say so in their first comment) are read as it means them: Ns is 1000 (1 - roughness)^2,
-  illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass, and map_Bump
-  is a normal map. Other bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
+  illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass.
+- Bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
 - Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
 """
 
@@ -29,7 +29,6 @@ from destello.nodes import Node
 _COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
 _MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
-_BLENDER_NORMAL = "map_bump"
 _BUMPS = ("bump", "map_bump")
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
@@ -139,8 +138,6 @@ class _Parser:
                 material.opacity = value if keyword == "d" else 1.0 - value
         elif keyword in _MAPS:
             material.maps[keyword] = self._map(words, line, number)
-        elif keyword == _BLENDER_NORMAL and material.blender:
-            material.maps["norm"] = self._map(words, line, number)
         elif keyword in _BUMPS:
             material.maps["bump"] = self._map(words, line, number)
         elif keyword not in _UNSEEN:
