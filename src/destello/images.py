@@ -24,9 +24,10 @@ _LEAST_TURN = 0.001  # degrees; files hold right angles as rounded radians
 def read_texels(path: Path) -> NDArray[Any]:
     """The texels of an image file: (height, width, 1 to 4) uint8, uint16, float16 or float32, top row first.
 
-    Channels are those called R, G, B, A where names tell, in a file of nothing but layers those of the first with alpha, or
-    else the first; where none is called so, the first four. Alpha stays as the file has it
-    (`alpha_is_associated`). Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be held.
+    Channels are those called R, G, B, A where names tell; in a file of nothing but layers those of the first layer with
+    alpha, or else of the first; where none is called so, the first four. Alpha stays as the file has it
+    (`alpha_is_associated`). Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be
+    held.
     """
     import OpenImageIO as oiio
 
