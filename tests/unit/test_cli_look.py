@@ -51,7 +51,7 @@ def test_graded_look():
         (["--tone", "film"], "unknown tone curve: 'film'"),
         (["--curve", "log"], "unknown transfer curve: 'log'"),
         (["--exposure", "nan"], "wrong exposure"),
-        (["--exposure", "f/8,1/0s"], "wrong exposure time: .1/0s."),
+        (["--exposure", "f/8,1/0s"], "wrong exposure time: '1/0s'"),
         (["--exposure", "f/8"], "half a camera's exposure"),
         (["--exposure", "bright"], "wrong exposure: 'bright'"),
         (["--white-balance", "warm"], "--white-balance: wrong value: 'warm'"),
