@@ -43,7 +43,8 @@ def read_texels(path: Path) -> NDArray[Any]:
         spec = file.spec()
         kind = _kind(oiio, spec.format)
         channels = _channels(list(spec.channelnames))
-        _check_size(path, spec, kind, len(channels))
+        window = _window(spec, file.format_name())
+        _check_size(path, spec, window, kind, len(channels))
         texels = file.read_image(0, 0, 0, max(channels) + 1, _type(oiio, kind))
         if texels is None:
             raise FormatError("the image is damaged", file=path, value=_reason(file.geterror()), expected=_KNOWN)
@@ -52,6 +53,7 @@ def read_texels(path: Path) -> NDArray[Any]:
     texels = np.asarray(texels).reshape(spec.height, spec.width, -1)
     if channels != list(range(texels.shape[2])):
         texels = texels[:, :, channels]
+    texels = _placed(texels, spec, window)
     return np.ascontiguousarray(texels, dtype=kind)
 
 
@@ -140,13 +142,31 @@ def _channels(names: Sequence[str]) -> list[int]:
     return list(range(min(len(names), 4)))
 
 
-def _check_size(path: Path, spec: Any, kind: str, channels: int) -> None:
-    size = (spec.width, spec.height)
+def _window(spec: Any, format_name: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the picture: an EXR may hold a part of it, or more (data and display window)."""
+    if format_name == "openexr":
+        return spec.full_x, spec.full_y, spec.full_width, spec.full_height
+    return spec.x, spec.y, spec.width, spec.height
+
+
+def _placed(texels: NDArray[Any], spec: Any, window: tuple[int, int, int, int]) -> NDArray[Any]:
+    """The part of texels within the window, where it belongs; the rest is 0."""
+    if window == (spec.x, spec.y, spec.width, spec.height):
+        return texels
+    left, top = spec.x - window[0], spec.y - window[1]
+    made = np.zeros((window[3], window[2], texels.shape[2]), texels.dtype)
+    part = texels[max(-top, 0) : max(window[3] - top, 0), max(-left, 0) : max(window[2] - left, 0)]
+    made[max(top, 0) : max(top, 0) + part.shape[0], max(left, 0) : max(left, 0) + part.shape[1]] = part
+    return made
+
+
+def _check_size(path: Path, spec: Any, window: tuple[int, int, int, int], kind: str, channels: int) -> None:
+    size = window[2:]
     if spec.depth > 1 or spec.deep:
         raise FormatError("not a flat picture", file=path, expected="one picture without depth")
     if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ImageTooLarge("image size", file=path, value=size, expected=f"1 to {LARGEST_SIDE} px a side")
-    needed = spec.width * spec.height * channels * np.dtype(kind).itemsize
+    needed = max(spec.width * spec.height, size[0] * size[1]) * channels * np.dtype(kind).itemsize
     if needed > LARGEST_BYTES:
         raise ImageTooLarge(
             f"the image needs {needed >> 20} MiB", file=path, value=size, expected=f"at most {LARGEST_BYTES >> 20} MiB"

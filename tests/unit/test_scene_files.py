@@ -114,6 +114,22 @@ def test_exr_layers_are_not_mixed(tmp_path: Path, names: tuple[str, ...], taken:
     assert read_texels(write_image(tmp_path / "a.exr", texels, names=names))[0, 0].tolist() == list(taken)
 
 
+@pytest.mark.parametrize("corner", [(1, 2), (-2, -1), (0, 3), (9, 9), (-9, 0)])
+def test_an_exr_is_as_large_as_its_display_window(tmp_path: Path, corner: tuple[int, int]) -> None:
+    oiio = pytest.importorskip("OpenImageIO")
+    spec = oiio.ImageSpec(4, 3, 1, "float")
+    spec.x, spec.y = corner
+    spec.full_width, spec.full_height = 6, 5
+    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert out.open(str(tmp_path / "a.exr"), spec)
+    texels = np.arange(1, 13, dtype=np.float32).reshape(3, 4)
+    assert out.write_image(texels[..., np.newaxis])
+    out.close()
+    want = np.zeros((40, 40), np.float32)
+    want[20 + corner[1] :, 20 + corner[0] :][:3, :4] = texels
+    assert np.array_equal(read_texels(tmp_path / "a.exr")[..., 0], want[20:25, 20:26])
+
+
 def test_dividing_by_alpha() -> None:
     texels = np.array([[[0.25, 0.5, 1, 0.5], [0.125, 0, 0, 0], [3, 2, 1, 1], [1e4, 1, 1, 1e-4]]], np.float16)
     divided = [[[0.5, 1, 2, 0.5], [0.125, 0, 0, 0], [3, 2, 1, 1], [65504, 1e4, 1e4, 1e-4]]]
