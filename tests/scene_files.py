@@ -174,15 +174,18 @@ def sphere(rings: int = 16, sectors: int = 32) -> tuple[np.ndarray, np.ndarray, 
     )
 
 
-def write_image(path: Path, texels: np.ndarray[Any, Any], *, names: tuple[str, ...] = ()) -> Path:
-    """Writes texels as they are, in their own type."""
+def write_image(
+    path: Path, texels: np.ndarray[Any, Any], *, names: tuple[str, ...] = (), associated: bool = False
+) -> Path:
+    """Writes texels as they are, in their own type; `associated`: a TIFF that says that alpha is so."""
     oiio = pytest.importorskip("OpenImageIO")
     height, width, channels = texels.shape
     kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT}
     spec = oiio.ImageSpec(width, height, channels, kinds[str(texels.dtype)])
     if names:
         spec.channelnames = names
-    spec.attribute("oiio:UnassociatedAlpha", 1)
+    if not associated:
+        spec.attribute("oiio:UnassociatedAlpha", 1)
     out = oiio.ImageOutput.create(str(path))
     assert out.open(str(path), spec), out.geterror()
     assert out.write_image(texels)

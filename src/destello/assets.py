@@ -42,6 +42,7 @@ class Assets:
         )
         self.notes: list[str] = []
         self._images: dict[Path, NDArray[Any]] = {}
+        self._associated: set[int] = set()  # ids of those of them whose colours are multiplied by alpha
         self._arrays: dict[
             int, tuple[NDArray[Any], NDArray[Any]]
         ] = {}  # by id: the array, which stays alive; its texels
@@ -50,15 +51,22 @@ class Assets:
 
     def texels(self, path: str, place: str) -> tuple[Path, NDArray[Any]] | None:
         """The real path and the texels of an image file; None if it is missing. Raises FormatError if it is damaged."""
-        from destello.images import read_texels, repaired
+        from destello.images import alpha_is_associated, read_texels, repaired
 
         real = self.files.find(path, place)
         if real is None:
             return None
         if real not in self._images:
-            self._images[real], bad = repaired(self._read(read_texels, real, place))
+            texels, bad = repaired(self._read(read_texels, real, place))
+            self._images[real] = texels
             self._note_bad(path, bad)
+            if texels.shape[2] in (2, 4) and alpha_is_associated(real):
+                self._associated.add(id(texels))
         return real, self._images[real]
+
+    def associated(self, texels: NDArray[Any]) -> bool:
+        """Whether what `texels` gave has colours that are multiplied by their alpha."""
+        return id(texels) in self._associated
 
     def array(self, texture: Node, place: str) -> NDArray[Any]:
         """The texels of an image texture given as an array."""
@@ -111,7 +119,7 @@ class Assets:
         inner.files = replace(
             files, base=real.parent, root=files.root or files.base
         )  # shares the list of missing files
-        inner.notes, inner._images = self.notes, self._images
+        inner.notes, inner._images, inner._associated = self.notes, self._images, self._associated
         self.notes.extend(f"{real.name}: {note}" for note in scene.notes)
         if scene.frames:
             self.notes.append(f"{real.name}: as a mesh_file it is not animated, it is as at its time 0")

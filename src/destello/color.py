@@ -32,6 +32,8 @@ from destello.ocio import View
 from destello.tones import TONES
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from destello.settings import RenderSettings
 
 FloatArray = npt.NDArray[np.float32]
@@ -125,8 +127,15 @@ class Display:
             raise InputError(problem, value=(self.tone, self.curve), expected="the view, or tone and curve")
 
     @classmethod
-    def of(cls, settings: RenderSettings) -> Display:
-        """The look that a scene asks for: see `destello.python_types.RENDER`. Raises InputError."""
+    def of(cls, settings: RenderSettings, file: Path | None = None) -> Display:
+        """The look that a scene asks for: see `destello.python_types.RENDER`. Raises InputError, which names `file`."""
+        try:
+            return cls._of(settings)
+        except InputError as error:
+            raise error.within(None, file=file) from None
+
+    @classmethod
+    def _of(cls, settings: RenderSettings) -> Display:
         exposure = settings.exposure
         given = {name: getattr(settings, name) for name in ("iso", "exposure_time", "f_number")}
         camera = {name: value for name, value in given.items() if value is not None}

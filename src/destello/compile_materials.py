@@ -197,6 +197,8 @@ class MaterialCompiler:
         return "image", {"image": self._images.add(texels, srgb, _options(texture), place)}
 
     def _decoded(self, texels: NDArray[Any], texture: Node, role: Role) -> tuple[NDArray[Any], bool]:
+        if role == "color" and texture["color_space"] != "raw" and self._assets.associated(texels):
+            texels = self._images.straight(texels)
         texels, srgb = self._images.decoded(texels, texture["color_space"], role == "color")
         return (self._images.turned(texels, texture), srgb) if role == "directions" else (texels, srgb)
 

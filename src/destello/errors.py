@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 _LONGEST_VALUE = 80
+_MOST_LINES = 20
 
 
 class Error(Exception):
@@ -50,6 +51,17 @@ class Error(Exception):
 
     def __str__(self) -> str:
         """The one-line message."""
+        more = len(self.problems) - 1
+        text = self._line()
+        return f"{text} [and {more} more {'problem' if more == 1 else 'problems'}]" if more > 0 else text
+
+    def lines(self) -> list[str]:
+        """A line for each of the errors found together, of very many for the first ones."""
+        told = [problem._line() for problem in self.problems[:_MOST_LINES]]
+        more = len(self.problems) - len(told)
+        return [*told, f"and {more} more problems"] if more else told
+
+    def _line(self) -> str:
         where = self.file or ""
         if where and self.line is not None:
             where += f":{self.line}"
@@ -58,9 +70,7 @@ class Error(Exception):
             text += f": {describe(self.value)}"
         if self.expected:
             text += f" (accepted: {self.expected})"
-        text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
-        more = len(self.problems) - 1
-        return f"{text} [and {more} more {'problem' if more == 1 else 'problems'}]" if more > 0 else text
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
 
     def within(self, place: str | None, *, file: str | Path | None = None) -> Self:
         """Puts the error (and those found with it) inside `place` and, if none is known yet, `file`; returns itself."""

@@ -235,14 +235,11 @@ def _format_of(path: str | None, name: str | None) -> Format:
 
 def _describe(spec: Any, target: Target, metadata: Mapping[str, Any]) -> None:
     """Gives the file its colour space, compression and metadata (`destello:NAME` attributes, text chunks in a PNG)."""
-    if target.linear:
-        spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
-    elif target.display.view is not None:
-        pass  # the view decides; its name is no colour space that a file could have
-    elif target.display.transfer == "srgb":
-        spec.attribute("oiio:ColorSpace", "sRGB")
-    elif target.display.transfer in ("gamma2", "gamma2.2"):
-        spec.attribute("oiio:Gamma", float(target.display.transfer.removeprefix("gamma")))
+    view = target.display.view
+    if not target.linear and view is not None:
+        spec.attribute("oiio:ColorSpace", view.color_space)
+    else:
+        spec.attribute("oiio:ColorSpace", _SPACES["linear" if target.linear else target.display.transfer])
     if target.format.name == "jpeg":
         spec.attribute("compression", f"jpeg:{target.quality}")
         spec.attribute("jpeg:subsampling", "4:4:4")
@@ -260,6 +257,14 @@ def _describe(spec: Any, target: Target, metadata: Mapping[str, Any]) -> None:
             spec.attribute(f"destello:{name}", value)
         else:
             spec.attribute(f"destello:{name}", str(value))
+
+
+_SPACES = {  # of Rec.709's primaries, by transfer curve: what is not said counts as sRGB in a PNG
+    "srgb": "sRGB",
+    "gamma2": "g20_rec709_display",
+    "gamma2.2": "g22_rec709_display",
+    "linear": "lin_rec709_scene",
+}
 
 
 def _place(spec: Any, metadata: Mapping[str, Any]) -> None:

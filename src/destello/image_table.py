@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from destello.color_spaces import ENCODINGS, converted, texels_in
 from destello.compile_errors import core_errors
-from destello.images import turned_directions
+from destello.images import turned_directions, unassociated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,8 +106,17 @@ class ImageTable:
         if key not in self._converted:
             made, srgb = texels_in(texels, space, target)
             self._converted[key] = (made, srgb)
-            self._origins[id(made)] = self.digest(texels)
+            self._origins[id(made)] = self._origins.get(id(texels), self.digest(texels))
         return self._converted[key]
+
+    def straight(self, texels: NDArray[Any]) -> NDArray[Any]:
+        """Texels whose colours are multiplied by alpha, with colours that are not."""
+        key = (self.digest(texels), "straight")
+        if key not in self._converted:
+            made = unassociated(texels)
+            self._converted[key] = (made, False)
+            self._origins[id(made)] = self.digest(texels)
+        return self._converted[key][0]
 
     def turned(self, texels: NDArray[Any], texture: Node) -> NDArray[Any]:
         """Texels that are directions (normal and tangent maps), turned and mirrored as their image on the surface."""

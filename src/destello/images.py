@@ -24,8 +24,10 @@ _LEAST_TURN = 0.001  # degrees; files hold right angles as rounded radians
 def read_texels(path: Path) -> NDArray[Any]:
     """The texels of an image file: (height, width, 1 to 4) uint8, uint16, float16 or float32, top row first.
 
-    Channels are those called R, G, B, A where names tell, else the first four. Alpha stays unassociated where the file
-    has it so. Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be held.
+    Channels are those called R, G, B, A where names tell; in a file of nothing but layers those of the first layer with
+    alpha, or else of the first; where none is called so, the first four. Alpha stays as the file has it
+    (`alpha_is_associated`). Raises FormatError if the file cannot be read, ImageTooLarge if it is beyond what can be
+    held.
     """
     import OpenImageIO as oiio
 
@@ -41,7 +43,8 @@ def read_texels(path: Path) -> NDArray[Any]:
         spec = file.spec()
         kind = _kind(oiio, spec.format)
         channels = _channels(list(spec.channelnames))
-        _check_size(path, spec, kind, len(channels))
+        window = _window(spec, file.format_name())
+        _check_size(path, spec, window, kind, len(channels))
         texels = file.read_image(0, 0, 0, max(channels) + 1, _type(oiio, kind))
         if texels is None:
             raise FormatError("the image is damaged", file=path, value=_reason(file.geterror()), expected=_KNOWN)
@@ -50,7 +53,37 @@ def read_texels(path: Path) -> NDArray[Any]:
     texels = np.asarray(texels).reshape(spec.height, spec.width, -1)
     if channels != list(range(texels.shape[2])):
         texels = texels[:, :, channels]
+    texels = _placed(texels, spec, window)
     return np.ascontiguousarray(texels, dtype=kind)
+
+
+def alpha_is_associated(path: Path) -> bool:
+    """Whether the colours of an image file are multiplied by its alpha: those of EXR always, of TIFF if it says so."""
+    import OpenImageIO as oiio
+
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageInput.open(str(path), hints)
+    if file is None:
+        oiio.geterror()
+        return False
+    spec = file.spec()
+    known = file.format_name() in ("openexr", "tiff")
+    file.close()
+    return known and spec.alpha_channel >= 0 and not spec.getattribute("oiio:UnassociatedAlpha")
+
+
+def unassociated(texels: NDArray[Any]) -> NDArray[Any]:
+    """Texels (height, width, 2 or 4) whose colours are divided by their alpha; where it is 0, they stay."""
+    alpha = texels[..., -1:].astype(np.float32)
+    integer = texels.dtype.kind == "u"
+    most = float(np.iinfo(texels.dtype).max) if integer else float(np.finfo(texels.dtype).max)
+    share = np.where(alpha > 0, alpha / np.float32(most if integer else 1), np.float32(1))
+    with np.errstate(over="ignore"):
+        colors = np.clip(texels[..., :-1] / share, -most, most)
+    made = texels.copy()
+    made[..., :-1] = np.rint(colors) if integer else colors
+    return made
 
 
 def _from_ktx2(path: Path) -> NDArray[Any]:
@@ -95,21 +128,45 @@ def _type(oiio: Any, kind: str) -> Any:
 
 def _channels(names: Sequence[str]) -> list[int]:
     """Which channels to take, in the order red, green, blue, alpha."""
-    lower = [name.lower() for name in names]
-    if all(c in lower for c in "rgb"):
-        return [lower.index(c) for c in "rgba" if c in lower]
-    if "y" in lower:
-        return [lower.index(c) for c in ("y", "a") if c in lower]
+    layers: dict[str, dict[str, int]] = {"": {}}
+    for index, name in enumerate(names):
+        layer, _, channel = name.lower().rpartition(".")
+        layers.setdefault(layer, {}).setdefault(channel, index)
+    plain = layers[""]
+    colored = [layer for layer in layers.values() if all(c in layer for c in "rgb")]
+    if "y" in plain and "x" not in plain and plain not in colored:
+        return [plain[c] for c in "ya" if c in plain]
+    if colored and ("r" not in plain or plain in colored):
+        best = plain if plain in colored else next((layer for layer in colored if "a" in layer), colored[0])
+        return [best[c] for c in "rgba" if c in best]
     return list(range(min(len(names), 4)))
 
 
-def _check_size(path: Path, spec: Any, kind: str, channels: int) -> None:
-    size = (spec.width, spec.height)
+def _window(spec: Any, format_name: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the picture: an EXR may hold a part of it, or more (data and display window)."""
+    if format_name == "openexr":
+        return spec.full_x, spec.full_y, spec.full_width, spec.full_height
+    return spec.x, spec.y, spec.width, spec.height
+
+
+def _placed(texels: NDArray[Any], spec: Any, window: tuple[int, int, int, int]) -> NDArray[Any]:
+    """The part of texels within the window, where it belongs; the rest is 0."""
+    if window == (spec.x, spec.y, spec.width, spec.height):
+        return texels
+    left, top = spec.x - window[0], spec.y - window[1]
+    made = np.zeros((window[3], window[2], texels.shape[2]), texels.dtype)
+    part = texels[max(-top, 0) : max(window[3] - top, 0), max(-left, 0) : max(window[2] - left, 0)]
+    made[max(top, 0) : max(top, 0) + part.shape[0], max(left, 0) : max(left, 0) + part.shape[1]] = part
+    return made
+
+
+def _check_size(path: Path, spec: Any, window: tuple[int, int, int, int], kind: str, channels: int) -> None:
+    size = window[2:]
     if spec.depth > 1 or spec.deep:
         raise FormatError("not a flat picture", file=path, expected="one picture without depth")
     if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ImageTooLarge("image size", file=path, value=size, expected=f"1 to {LARGEST_SIDE} px a side")
-    needed = spec.width * spec.height * channels * np.dtype(kind).itemsize
+    needed = max(spec.width * spec.height, size[0] * size[1]) * channels * np.dtype(kind).itemsize
     if needed > LARGEST_BYTES:
         raise ImageTooLarge(
             f"the image needs {needed >> 20} MiB", file=path, value=size, expected=f"at most {LARGEST_BYTES >> 20} MiB"

@@ -128,7 +128,7 @@ def plan(scene: Scene, request: Request) -> Job:
         from destello.denoise import check_available
 
         check_available()
-    display = Display.of(scene.render)
+    display = Display.of(scene.render, scene.source)
     device = devices.choose(request.device)
     devices.check_fits(width, height, aovs=features)
     return Job(

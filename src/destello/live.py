@@ -242,7 +242,7 @@ class LiveScene:
     def picture(self, film: LiveFilm, display: Display | None = None) -> NDArray[np.uint8]:
         """What the film shows, (H, W, 3) uint8, row 0 at the top; `display`: None: the scene's exposure and curves."""
         if display is None:
-            display = Display.of(self.scene.render)
+            display = Display.of(self.scene.render, self.scene.source)
         return film.picture(display)
 
     def camera(self, camera: Node | str | None = None) -> Node:

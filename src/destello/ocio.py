@@ -35,7 +35,7 @@ class View:
         view: the view's name; "": the display's default.
 
     Raises InputError, with the nearest known name, if there is no such configuration, display or view, or if the
-    configuration has neither the role `aces_interchange` nor a linear Rec.709 space.
+    configuration has neither the role `aces_interchange` nor a linear Rec.709 space, or cannot compute the view.
     """
 
     config: str = "ocio://default"
@@ -57,6 +57,15 @@ class View:
         object.__setattr__(self, "display", display)
         object.__setattr__(self, "view", view)
         _input_space(self.config)
+        self.code_values(np.zeros((1, 3), np.float32))  # what cannot be shown is said now, not after the render
+
+    @property
+    def color_space(self) -> str:
+        """What a file is to say of the view's values: a name of the Color Interop Forum's, or `unknown`."""
+        config = _config(self.config)
+        space = config.getDisplayViewColorSpaceName(self.display, self.view)
+        known = getattr(config, "get_color_interop_id", None)  # since OpenImageIO 3.1
+        return (known(space) if known is not None and space else "") or "unknown"
 
     def code_values(self, linear: FloatArray) -> FloatArray:
         """Linear Rec.709 (..., 3) to the display's code values, cut off at 0 and 1, float32. Raises InputError."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,12 +73,16 @@ def blackbody(kelvin: float, luminance: float = 1.0) -> tuple[float, float, floa
     Raises:
         InputError: if a value is out of range.
     """
-    if not COLDEST <= kelvin <= HOTTEST:
+    if not _within(kelvin, COLDEST, HOTTEST):
         raise InputError("wrong temperature", place="blackbody", value=kelvin, expected=f"{COLDEST:g} to {HOTTEST:g} K")
-    if not 0 <= luminance < np.inf:
+    if not _within(luminance, 0.0, sys.float_info.max):
         raise InputError("wrong luminance", place="blackbody", value=luminance, expected="a number of at least 0")
     red, green, blue = (luminance * blackbody_rgb(np.array([kelvin]))[0]).tolist()
     return red, green, blue
+
+
+def _within(value: object, least: float, most: float) -> bool:
+    return isinstance(value, Real) and least <= float(value) <= most
 
 
 def blackbody_rgb(kelvin: npt.ArrayLike) -> Floats:

@@ -72,7 +72,8 @@ def _read_array(path: Path, grids: Mapping[str, str]) -> dict[str, Any]:
     except Exception as error:  # its header is read as Python's source: anything may come out
         raise FormatError(_one_line("a broken array file", error), expected="a .npy file") from error
     if not isinstance(array, np.ndarray) or array.ndim not in (3, 4) or array.dtype.kind not in "uf" or array.size == 0:
-        raise FormatError("not voxels", value=str(getattr(array, "shape", "")), expected="three dimensions")
+        found = f"{getattr(array, 'shape', '')} of {getattr(array, 'dtype', type(array).__name__)}"
+        raise FormatError("not voxels", value=found, expected="three dimensions of uint8, float16 or float32")
     _check_size(array.shape[:3])
     return {"density": np.array(array)}
 

@@ -51,6 +51,7 @@ CASES: list[tuple[Change, str | None, str]] = [
     ),
     (put("scenes", 0, "nodes", "all"), "scenes[0].nodes", "wrong value: 'all'"),
     (put("nodes", {}), "nodes", "a list of JSON objects"),
+    (put("nodes", 0, "mesh", None), "nodes[0].mesh", "wrong value: 'null'"),
     (put("nodes", [7]), "nodes[0]", "wrong value: 7 (accepted: a JSON object)"),
     (put("nodes", 0, "children", [0]), "nodes[0]", "is its own ancestor"),
     (put("nodes", 0, "mesh", 1), "nodes[0].mesh", "index out of range: 1 (accepted: 0 to 0: there are 1 meshes)"),

@@ -48,11 +48,12 @@ def test_sixteen_bits(tmp_path: Path) -> None:
     np.testing.assert_array_equal(image["pixels"], texels)
 
 
-def test_image_files_stay_paths(tmp_path: Path) -> None:
+@pytest.mark.parametrize("uri", ["my%20tex/a%231.png", "my tex\\a%231.png"])  # the second as exporters on Windows do
+def test_image_files_stay_paths(uri: str, tmp_path: Path) -> None:
     (tmp_path / "my tex").mkdir()
     (tmp_path / "my tex" / "a#1.png").write_bytes(encode_image(corner_image(), ".png", tmp_path))
     g = Gltf()
-    g.add("textures", source=g.add("images", uri="my%20tex/a%231.png"))
+    g.add("textures", source=g.add("images", uri=uri))
     image = material_of(g, tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})["base_color"]
     assert image["path"] == "my tex/a#1.png"
     assert image["pixels"] is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from destello.errors import FormatError
 from destello.formats import LoadOptions
 from destello.io import obj
 from destello.nodes import Node
@@ -178,3 +180,41 @@ def test_maps_of_the_pbr_extension(tmp_path: Path) -> None:
     node = blender_material(tmp_path, "Kd 1 1 1\nPr 0.4\nmap_Pc c.png\nPs 0.5\nmap_Ps -imfchan g c.png\n")
     assert (node["coat_weight"]["texture"]["path"], node["coat_weight"]["channel"]) == ("c.png", "mean")
     assert (node["fuzz_weight"]["channel"], node["fuzz_weight"]["scale"]) == ("g", (0.5, 0.5, 0.5))
+
+
+def test_opaque_materials_of_maya_are_seen(tmp_path: Path) -> None:
+    lines = "illum 4\nKd 0.5 0.4 0.3\nKa 0 0 0\nTf 1.00 1.00 1.00\nNi 1.00\n"
+    node = blender_material(tmp_path, lines, header="")
+    assert (node.type, node["reflectance"]) == ("diffuse", (0.5, 0.4, 0.3))
+    assert blender_material(tmp_path, lines + "Tf 0.9 1 1\n", header="").type == "dielectric"
+    assert blender_material(tmp_path, lines + "Ni 1.3\n", header="").type == "dielectric"
+
+
+@pytest.mark.parametrize(
+    ("lines", "opacity", "told"),
+    [
+        ("d 1\nTr 1", 1, True),  # as old exporters mean it
+        ("Tr 0.3\nd 0.3", 0.3, True),
+        ("d 0.3\nTr 0.7", 0.3, False),
+        ("Tr 0.25", 0.75, False),
+    ],
+)
+def test_d_counts_beside_tr(lines: str, opacity: float, told: bool, tmp_path: Path) -> None:
+    assert blender_material(tmp_path, lines, header="")["opacity"] == opacity
+    assert ["d counts" in note for note in notes(tmp_path)] == [True] * told
+
+
+def test_byte_order_marks_quotes_and_comments(tmp_path: Path) -> None:
+    encode = codecs.BOM_UTF8.decode()
+    node = blender_material(tmp_path, 'Kd 1 0 0 # red\nmap_Ke -s 2 2 1 "a b.png"\n', header=f"{encode}newmtl n")
+    assert node["reflectance"] == (1, 0, 0)
+    assert node["emission"]["path"] == "a b.png"
+    text = (tmp_path / "scene.obj").read_text().replace("scene.mtl", '"scene.mtl"')
+    (tmp_path / "scene.obj").write_text(encode + text)
+    (shape,) = obj.load(tmp_path / "scene.obj", LoadOptions(complete=False)).shapes
+    assert shape["material"] == node
+
+
+def test_an_option_without_numbers_names_the_word(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"scene.mtl:3: -s: wrong values: 'x' \(accepted: 1 or 2 or 3 finite"):
+        blender_material(tmp_path, "map_Kd -s x y a.png", header="#")

@@ -51,6 +51,7 @@ def test_graded_look():
         (["--tone", "film"], "unknown tone curve: 'film'"),
         (["--curve", "log"], "unknown transfer curve: 'log'"),
         (["--exposure", "nan"], "wrong exposure"),
+        (["--exposure", "f/8,1/0s"], "wrong exposure time: '1/0s'"),
         (["--exposure", "f/8"], "half a camera's exposure"),
         (["--exposure", "bright"], "wrong exposure: 'bright'"),
         (["--white-balance", "warm"], "--white-balance: wrong value: 'warm'"),
@@ -68,3 +69,12 @@ def test_wrong_looks_are_one_line_and_exit_code_2(args, message):
     (line,) = done.stderr.splitlines()
     assert message in line
     assert not list(Path().iterdir()), "nothing is written"
+
+
+def test_errors_found_together_are_a_line_each():
+    Path("a.yaml").write_text("materials:\n  m: {type: difuse}\n  n: {type: diffuse, reflectance: 2}\n")
+    done = run("info", "a.yaml")
+    assert done.exit_code == 2
+    first, second = done.stderr.splitlines()
+    assert first.startswith("destello: a.yaml:2: materials.m.type: unknown")
+    assert second.startswith("destello: a.yaml:3: materials.n.reflectance: out of range: 2 ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,6 +161,8 @@ def test_the_look_of_a_scene():
     assert look.exposure == pytest.approx(1 + exposure_of_camera(f_number=8, exposure_time=0.01))
     assert (look.tone, look.white_balance) == ("aces2", WhiteBalance(3000))
     assert look.changed(exposure=2).white_balance == WhiteBalance(3000)
+    with pytest.raises(InputError, match=r"^a.yaml: render: half a camera.*f_number"):
+        Display.of(RenderSettings(exposure_time=0.01), Path("a.yaml"))
     with pytest.raises(InputError, match="half a camera"):
         Display.of(RenderSettings(iso=200))
     with pytest.raises(InputError, match="tint without a temperature"):

@@ -186,6 +186,10 @@ def test_wrong_configurations(tmp_path: Path):
     ):
         with pytest.raises(InputError, match=message):
             View(**given)
+    broken = tmp_path / "broken.ocio"
+    broken.write_text(OWN.format(roles="aces_interchange: ap0").replace("colorspace: out", "colorspace: gone"))
+    with pytest.raises(InputError, match="cannot show this"):
+        View(str(broken))
     with pytest.raises(InputError, match="its own tone"):
         Display(tone="agx", view=View())
 

@@ -16,6 +16,7 @@ import destello.image_file as image_file
 from destello.color import Display, encode
 from destello.errors import FormatError, InputError, MissingFileError, OutputError
 from destello.image import Image
+from destello.ocio import View
 
 METADATA = {
     "scene": "cornell",
@@ -84,6 +85,31 @@ def test_png_bytes_are_a_png_of_the_right_kind(tmp_path, picture):
     assert texts[b"Software"] == b"destello 1.2.3"
     for name in ("scene", "spp", "seed", "device", "version", "time"):
         assert texts[b"destello:" + name.encode()] == str(METADATA[name]).encode()
+
+
+@pytest.mark.parametrize(
+    ("look", "said"),
+    [
+        ({"curve": "srgb"}, {b"sRGB", b"gAMA", b"cHRM"}),
+        ({"curve": "gamma2"}, {b"gAMA": 50000}),
+        ({"curve": "gamma2.2"}, {b"gAMA": 45455}),
+        ({"curve": "linear"}, {b"gAMA": 100000}),
+        ({"tone": "raw"}, {b"gAMA": 100000}),
+        ({"view": View("ocio://default", "sRGB - Display")}, {b"sRGB", b"gAMA", b"cHRM"}),
+        ({"view": View("ocio://default", "Display P3 - Display")}, {b"cICP"}),
+        ({"view": View("ocio://default", "sRGB - Display", "Raw")}, set()),
+    ],
+)
+def test_png_says_what_its_numbers_are(tmp_path, picture, look, said):
+    picture.save(tmp_path / "a.png", **look)
+    data, at, found = (tmp_path / "a.png").read_bytes(), 8, {}
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at : at + 8])
+        found[kind] = data[at + 8 : at + 8 + size]
+        at += 12 + size
+    assert found.keys() & {b"sRGB", b"gAMA", b"cHRM", b"cICP", b"iCCP"} == set(said)
+    if isinstance(said, dict):
+        assert struct.unpack(">I", found[b"gAMA"])[0] == said[b"gAMA"]
 
 
 @pytest.mark.parametrize("bits", [16, 32])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import destello as dl
-from destello.errors import Error, SceneError
+from destello.errors import Error, SceneError, gather
 from destello.nodes import DEEPEST, Node
 from destello.schema import KINDS, TypeDoc, schema
 
@@ -163,6 +163,10 @@ def test_all_problems_of_a_node_are_told() -> None:
         "diffuse.wrong",
     ]
     assert str(error).endswith("[and 2 more problems]")
+    assert [line.split(": ")[0] for line in error.lines()] == [p.place for p in error.problems]
+    many = gather(Error(f"{i}") for i in range(30))
+    assert many is not None
+    assert many.lines()[-2:] == ["19", "and 10 more problems"]
 
 
 def test_missing_parameters() -> None:

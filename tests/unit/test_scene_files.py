@@ -12,7 +12,7 @@ import pytest
 import destello as dl
 from destello.errors import FormatError, ImageTooLarge, InputError, MissingFileError
 from destello.files import ResolvedFiles
-from destello.images import linear_rgb, missing_image, read_texels, repaired
+from destello.images import alpha_is_associated, linear_rgb, missing_image, read_texels, repaired, unassociated
 from scene_files import write_image
 
 
@@ -93,6 +93,84 @@ def test_exr_channels_go_by_name(tmp_path: Path) -> None:
     read = read_texels(write_image(tmp_path / "a.exr", texels, names=("A", "B", "G", "R", "Z")))
     assert read.shape == (2, 2, 4)
     assert read[0, 0].tolist() == [4, 3, 2, 1]
+
+
+LAYERS = ("AO.R", "AO.G", "AO.B", "All.R", "All.G", "All.B", "All.A", "Depth.Z", "Normal.X", "Normal.Y", "Normal.Z")
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (LAYERS, (3, 4, 5, 6)),  # Blender's: each layer a pass
+        (("Z", "diffuse.R", "diffuse.G", "diffuse.B"), (1, 2, 3)),
+        ((*LAYERS[:3], "R", "G", "B"), (3, 4, 5)),
+        ((*LAYERS[:3], "Y"), (3,)),
+        (("X", "Y", "Z"), (0, 1, 2)),
+    ],
+)
+def test_exr_layers_are_not_mixed(tmp_path: Path, names: tuple[str, ...], taken: tuple[int, ...]) -> None:
+    texels = np.zeros((2, 2, len(names)), np.float32)
+    texels[:] = np.arange(len(names))
+    assert read_texels(write_image(tmp_path / "a.exr", texels, names=names))[0, 0].tolist() == list(taken)
+
+
+@pytest.mark.parametrize("corner", [(1, 2), (-2, -1), (0, 3), (9, 9), (-9, 0)])
+def test_an_exr_is_as_large_as_its_display_window(tmp_path: Path, corner: tuple[int, int]) -> None:
+    oiio = pytest.importorskip("OpenImageIO")
+    spec = oiio.ImageSpec(4, 3, 1, "float")
+    spec.x, spec.y = corner
+    spec.full_width, spec.full_height = 6, 5
+    out = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert out.open(str(tmp_path / "a.exr"), spec)
+    texels = np.arange(1, 13, dtype=np.float32).reshape(3, 4)
+    assert out.write_image(texels[..., np.newaxis])
+    out.close()
+    want = np.zeros((40, 40), np.float32)
+    want[20 + corner[1] :, 20 + corner[0] :][:3, :4] = texels
+    assert np.array_equal(read_texels(tmp_path / "a.exr")[..., 0], want[20:25, 20:26])
+
+
+def test_dividing_by_alpha() -> None:
+    texels = np.array([[[0.25, 0.5, 1, 0.5], [0.125, 0, 0, 0], [3, 2, 1, 1], [1e4, 1, 1, 1e-4]]], np.float16)
+    divided = [[[0.5, 1, 2, 0.5], [0.125, 0, 0, 0], [3, 2, 1, 1], [65504, 1e4, 1e4, 1e-4]]]
+    np.testing.assert_allclose(unassociated(texels), np.array(divided, np.float16), rtol=2e-3)
+    codes = np.array([[[50, 128], [10, 0], [200, 100], [7, 255]]], np.uint8)
+    assert unassociated(codes).tolist() == [[[100, 128], [10, 0], [255, 100], [7, 255]]]
+
+
+def shown(folder: Path, *, environment: bool = False, **emissive: Any) -> float:
+    """What a camera sees that looks at nothing but a glowing square, or at the sky."""
+    scene = dl.Scene()
+    scene.camera = dl.cameras.perspective(origin=(0.5, 0.5, 1), target=(0.5, 0.5, 0), vfov=10)
+    scene.environment = dl.environments.constant(0)
+    if environment:
+        scene.environment = dl.environments.image(image=dl.textures.image("a.exr"))
+    else:
+        square = dl.shapes.quad(corner=(0, 0, 0), u=(1, 0, 0), v=(0, 1, 0), material=dl.materials.emissive(**emissive))
+        scene.add(square)
+    scene.base_dir = folder
+    picture = dl.render(scene, size=(8, 8), spp=256, device="cpu", progress=False).array
+    return float(picture.mean())
+
+
+def test_colors_of_associated_files_are_divided_by_alpha(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.exr", np.full((2, 2, 4), (0.25, 0.25, 0.25, 0.5), np.float32))
+    image = dl.textures.image("a.exr")
+    assert shown(tmp_path, radiance=image) == pytest.approx(0.5)
+    opacity = dl.textures.scaled(image, channel="a")
+    assert shown(tmp_path, radiance=image, opacity=opacity) == pytest.approx(0.25, abs=0.005)
+    assert shown(tmp_path, radiance=dl.textures.image("a.exr", color_space="raw")) == pytest.approx(0.25)
+    assert shown(tmp_path, environment=True) == pytest.approx(0.25)  # light from all around has no cover
+
+
+def test_only_exr_and_tiff_may_have_associated_alpha(tmp_path: Path) -> None:
+    texels = np.full((2, 2, 4), (50, 50, 50, 128), np.uint8)
+    for name, associated in (("a.png", False), ("a.tif", False), ("a.exr", True), ("a.tga", False)):
+        path = write_image(tmp_path / name, texels.astype(np.float16) / 255 if associated else texels)
+        assert alpha_is_associated(path) == associated, name
+    path = write_image(tmp_path / "b.tif", texels, associated=True)
+    assert alpha_is_associated(path)
+    assert not alpha_is_associated(write_image(tmp_path / "c.exr", np.ones((2, 2, 3), np.float16)))
 
 
 def test_bad_images(tmp_path: Path) -> None:

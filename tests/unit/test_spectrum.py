@@ -70,6 +70,8 @@ def test_wrong_temperatures(kelvin):
         dl.blackbody(kelvin)
     with pytest.raises(InputError, match="at least 0"):
         dl.blackbody(3000, -1)
+    with pytest.raises(InputError, match="temperature: 'hot'"):
+        dl.blackbody("hot")  # type: ignore[arg-type]
 
 
 def test_glow_of_a_fire():

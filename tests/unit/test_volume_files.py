@@ -159,7 +159,7 @@ def test_numpy_files(tmp_path):
     assert grid["density"].dtype == np.float16
     assert np.array_equal(grid["density"][..., 0], values)
     assert grid["transform"] is None
-    for bad, said in ((np.ones(3), "not voxels"), (np.ones((2, 2, 2), complex), "not voxels")):
+    for bad, said in ((np.ones(3), "not voxels"), (np.ones((2, 2, 2), int), r"\(2, 2, 2\) of int64.*uint8, float16")):
         np.save(tmp_path / "d.npy", bad)
         with pytest.raises(FormatError, match=said):
             dl.volumes.load(tmp_path / "d.npy")

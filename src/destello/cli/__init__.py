@@ -57,12 +57,12 @@ class OneLineErrors(TyperGroup):
 
 
 def report(error: BaseException) -> int:
-    """Prints an error as one line; returns the exit code."""
+    """Prints an error as one line, those found together as a line each; returns the exit code."""
     if os.environ.get("DESTELLO_DEBUG"):
         traceback.print_exception(error)
     text, code = describe(error)
-    if text:
-        print(f"destello: {' '.join(text.split())}", file=sys.stderr)
+    for line in error.lines() if isinstance(error, Error) else [text] if text else []:
+        print(f"destello: {' '.join(line.split())}", file=sys.stderr)
     return code
 
 

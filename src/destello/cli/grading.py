@@ -56,7 +56,9 @@ def read_exposure(text: str) -> float:
             camera["f_number"] = float(found[1])
         elif found := re.fullmatch(rf"(?:{_NUMBER}/)?{_NUMBER}s", part):
             number = float(found[2])
-            camera["exposure_time"] = number if found[1] is None else float(found[1]) / max(number, 1e-30)
+            if number == 0.0:
+                raise InputError("wrong exposure time", place="--exposure", value=part, expected="more than 0 s")
+            camera["exposure_time"] = number if found[1] is None else float(found[1]) / number
         elif found := re.fullmatch(rf"iso{_NUMBER}", part):
             camera["iso"] = float(found[1])
         elif found := re.fullmatch(rf"([+-]){_NUMBER}(?:ev)?", part):

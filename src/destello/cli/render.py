@@ -141,7 +141,7 @@ class _Written:
     def display(self, scene: Scene | None) -> Any:
         from destello.color import Display
 
-        return (Display() if scene is None else Display.of(scene.render)).changed(**self.look)
+        return (Display() if scene is None else Display.of(scene.render, scene.source)).changed(**self.look)
 
 
 @dataclass

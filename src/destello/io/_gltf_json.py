@@ -41,7 +41,8 @@ class Item:
     def _wrong(self, key: str, expected: str) -> NoReturn:
         if key not in self.data:
             raise self.error("missing", key, expected=expected)
-        raise self.error("wrong value", key, value=self.data[key], expected=expected)
+        value = self.data[key]
+        raise self.error("wrong value", key, value="null" if value is None else value, expected=expected)
 
     def __contains__(self, key: str) -> bool:
         return key in self.data

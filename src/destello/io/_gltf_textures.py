@@ -206,7 +206,7 @@ def relative_path(item: Item, uri: str) -> str:
     scheme, colon, _ = uri.partition(":")
     if colon and len(scheme) > 1 and scheme.isalnum():
         raise item.error("not a file", "uri", value=uri, expected="a relative path or a data URI")
-    path = unquote(uri)
+    path = unquote(uri.replace("\\", "/"))  # as browsers do: exporters on Windows write them
     if not path or "\0" in path or len(path) > _LONGEST_PATH:
         raise item.error("not a path", "uri", value=uri, expected="a relative path or a data URI")
     return path

@@ -3,7 +3,8 @@
 Decisions where the format leaves room:
 - With Pr, Pm or their maps the material is `metallic_roughness`, Kd its base colour; with Ps, Pc or aniso it is
   `openpbr` (see `_layers`).
-- illum 4, 6, 7 and 9 are glass of index Ni, tinted by Tf; illum 3, 5 and 8 mirror Ks over the diffuse Kd.
+- illum 4, 6, 7 and 9 are glass of index Ni, tinted by Tf, but where Ni is 1 and Tf white (Maya writes this for all
+  that is opaque); illum 3, 5 and 8 mirror Ks over the diffuse Kd.
 - Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
 - Files that Blender wrote (they say so in their first comment) are read as it means them: Ns is 1000 (1 - roughness)^2,
@@ -14,6 +15,7 @@ Decisions where the format leaves room:
 
 from __future__ import annotations
 
+import codecs
 import math
 from collections import Counter
 from dataclasses import dataclass, field
@@ -23,7 +25,7 @@ from typing import Any
 import destello.materials as make
 import destello.textures as textures
 from destello.errors import Error, FormatError
-from destello.io._text import numbered_lines, printable
+from destello.io._text import numbered_lines, printable, unquoted
 from destello.nodes import Node
 
 _COLORS = ("ka", "kd", "ks", "ke", "tf")
@@ -74,7 +76,7 @@ def parse(data: bytes, file: Path, folder: str) -> tuple[list[Material], Counter
     `folder`: the file's directory relative to the scene's, "" if it is the same; map paths are prefixed with it.
     """
     parser = _Parser(file, folder)
-    for number, line in numbered_lines(data):
+    for number, line in numbered_lines(data.removeprefix(codecs.BOM_UTF8)):
         words = printable(line).split()
         if words[:2] == ["#", "Blender"] and not parser.materials:
             parser.blender = True
@@ -135,7 +137,7 @@ class _Parser:
             (value,) = self._accepted(keyword, values, number)
             material.numbers[keyword] = value
             if keyword in ("d", "tr"):
-                material.opacity = value if keyword == "d" else 1.0 - value
+                self._opacity(material, number)
         elif keyword in _MAPS:
             material.maps[keyword] = self._map(words, line, number)
         elif keyword in _BUMPS:
@@ -143,9 +145,20 @@ class _Parser:
         elif keyword not in _UNSEEN:
             self.ignored[keyword[:20]] += 1
 
+    def _opacity(self, material: Material, line: int) -> None:
+        """MTL has d; Tr is 1 - d to most programs that add it, but d again to some, so d decides."""
+        d, tr = (material.numbers.get(key) for key in ("d", "tr"))
+        if d is None:
+            material.opacity = 1.0 - (tr or 0.0)
+            return
+        material.opacity = d
+        if tr is not None and abs(1.0 - tr - d) > 0.01:
+            self._say("d beside tr", line, f"d {d:g} and Tr {tr:g} differ: d counts (accepted: Tr = 1 - d)")
+
     def _numbers(self, keyword: str, words: list[str], line: int, counts: tuple[int, ...]) -> list[float]:
         try:
-            values = [float(word) for word in words if not word.startswith("#")][: max(counts)]
+            before = next((at for at, word in enumerate(words) if word.startswith("#")), len(words))
+            values = [float(word) for word in words[:before]][: max(counts)]
             if len(values) not in counts or not all(abs(v) < 1e30 for v in values):
                 raise ValueError
         except ValueError:
@@ -173,11 +186,11 @@ class _Parser:
             while at < len(words) - 1 and len(values) < _OPTIONS[option] and _is_number(words[at]):
                 values.append(words[at])
                 at += 1
-            found.numbers[option] = self._numbers(option, values, number, (1, 2, 3))
+            found.numbers[option] = self._numbers(option, values or words[at : at + 1], number, (1, 2, 3))
         name = line.split(maxsplit=at + 1)[at + 1].strip() if at < len(words) else ""
         if not name or "\0" in name:
             raise FormatError("a map without a file", file=self.file, line=number, value=line, expected="a path")
-        name = name.replace("\\", "/")
+        name = unquoted(name).replace("\\", "/")
         found.path = f"{self.folder}/{name}" if self.folder and not name.startswith("/") else name
         return found
 
@@ -213,7 +226,7 @@ def _convert(material: Material) -> Node:
     numbers, maps, name = material.numbers, material.maps, material.name or None
     illum = numbers.get("illum", _DEFAULT_ILLUM)
     base = _color(material, "kd", (0.6, 0.6, 0.6) if "map_kd" not in maps else (1.0, 1.0, 1.0))
-    glass = illum in _GLASS and not (material.blender and illum in _BLENDER_CLEAR)
+    glass = illum in _GLASS and not _opaque(material, illum)
     surface = _surface(material, glass=glass)
     ks = material.colors.get("ks", (0.0, 0.0, 0.0))
     layers = _layers(material)
@@ -245,6 +258,12 @@ def _convert(material: Material) -> Node:
         name=name,
         **surface,
     )
+
+
+def _opaque(material: Material, illum: float) -> bool:
+    """Is what `illum` calls glass none? Blender's, and what would not be seen at all: Maya writes that everywhere."""
+    unseen = material.numbers.get("ni") == 1.0 and material.colors.get("tf", (1.0, 1.0, 1.0)) == (1.0, 1.0, 1.0)
+    return unseen or (material.blender and illum in _BLENDER_CLEAR)
 
 
 def _mirror(

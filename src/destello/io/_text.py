@@ -58,3 +58,8 @@ def numbered_lines(data: bytes) -> Iterator[tuple[int, bytes]]:
 def printable(word: bytes) -> str:
     """A word of a file as text: UTF-8, what is not is shown as U+FFFD."""
     return word.decode("utf-8", "replace")
+
+
+def unquoted(name: str) -> str:
+    """A file's name without the quotation marks that some programs put around it."""
+    return name[1:-1] if len(name) > 2 and name[0] == name[-1] == '"' else name

@@ -6,6 +6,7 @@ and are made linear; they count where a face has no material. Coordinates are ke
 
 from __future__ import annotations
 
+import codecs
 from collections import Counter
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -21,6 +22,7 @@ from destello.io._obj_mtl import convert
 from destello.io._obj_mtl import parse as parse_mtl
 from destello.io._obj_parse import ObjData, parse
 from destello.io._polygons import triangulate
+from destello.io._text import unquoted
 from destello.nodes import Node
 from destello.scene import Scene
 
@@ -34,7 +36,7 @@ def load(path: Path, options: LoadOptions) -> Scene:
         FormatError: with the line of what is wrong.
         MissingFileError: with all textures that do not exist. A missing .mtl file is only noted: grey materials.
     """
-    data = parse(read_bytes(path), path)
+    data = parse(read_bytes(path).removeprefix(codecs.BOM_UTF8), path)
     if len(data.sizes) == 0:
         raise FormatError("no faces", file=path, expected="at least one line that begins with f")
     scene = new_scene(path, options)
@@ -80,7 +82,7 @@ def _materials(data: ObjData, path: Path, options: LoadOptions, notes: list[str]
 def _library_files(library: str, path: Path, options: LoadOptions, notes: list[str]) -> list[str]:
     """The files that a mtllib line means: one name with spaces, or several names."""
     files = ResolvedFiles(path.parent, allow_external=options.allow_external, scene_file=path)
-    whole = library.replace("\\", "/")
+    whole = unquoted(library).replace("\\", "/")
     if not whole or files.find(whole, "mtllib") is not None:
         return [whole] if whole else []
     names = []
