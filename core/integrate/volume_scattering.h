@@ -77,11 +77,14 @@ DST_FN FarSide far_side(const SceneView& scene, const InteriorStack& inside, con
   InteriorStack others = inside;
   if (!front) others.remove(interior);
   const uint32_t beyond = others.current(scene.interiors);
+  const bool left = others.items != inside.items;
   // Who has come in by a hole is not inside, and goes out as if nothing was there.
-  if (!front && (m.flags & kHasOpacity) && others.items == inside.items) return {beyond, true};
+  if (!front && (m.flags & kHasOpacity) && !left) return {beyond, true};
   if (beyond == kNoIndex) return {};
-  // Among equals: on the way out the newest counts, on the way in the boundary's own object will be that.
-  const bool overlaid = others.items != inside.items && inside.current(scene.interiors) != interior;
+  // Among equals: on the way out the newest counts, on the way in the boundary's own object will be that. (Within a newer
+  // interface light still has the radiance that it has in glass.)
+  const uint32_t here = inside.current(scene.interiors);
+  const bool overlaid = left && here != interior && scene.interiors[here].passed_straight == 0;
   return {beyond, overlaid || scene.interiors[beyond].priority > scene.interiors[interior].priority};
 }
 

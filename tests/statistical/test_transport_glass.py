@@ -202,6 +202,17 @@ def test_glass_that_overlaps_keeps_all_light(indices, priorities, device):
     assert mean == pytest.approx(1, abs=1e-3)  # (A few paths are caught by total reflection.)
 
 
+def test_fog_that_overlaps_glass_keeps_all_light(device):
+    """Fog changes no index: whoever leaves the glass within newer fog is refracted."""
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.dielectric(ior=1.5)))
+    fog = dl.materials.interface(medium_density=1.0)
+    scene.add(dl.shapes.sphere((0.7, 0, 0), 0.9, material=fog))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    image = estimate(scene, device, spp=256)
+    mean, variance = image.total
+    assert mean == pytest.approx(1, abs=1e-3 + 4 * sqrt(variance))
+
+
 HOLES = {
     "glass": {"ior": 1.5},
     "rough": {"ior": 1.5, "roughness": 0.02},
