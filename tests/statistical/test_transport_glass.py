@@ -232,6 +232,16 @@ def test_glass_with_holes_keeps_all_light(kind, opacity, device):
         assert got.mean() == pytest.approx(1, abs=2e-3 + 4 * error)
 
 
+@pytest.mark.parametrize("weight", [0.0, 0.5, 1.0])
+def test_openpbr_inside_has_the_index_that_refracts(weight, device):
+    """The one that `specular_weight` leaves: light that leaves by a hole shows it."""
+    words = {"specular_weight": weight, "specular_roughness": 0.0, "transmission_weight": 1.0, "opacity": 0.5}
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.openpbr(**words)))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    mean, variance = estimate(scene, device, spp=256).total
+    assert mean == pytest.approx(1, abs=1e-3 + 4 * sqrt(variance))
+
+
 @pytest.mark.parametrize("kind", ["interface", "hidden"])
 def test_holes_in_what_does_not_show_are_none(kind, device):
     """For paths and for shadow rays alike: light sampling and none make the same picture."""
