@@ -237,7 +237,9 @@ RenderTask to_task(const Scene& scene, const nb::dict& settings, uint32_t width,
   task.crop = {0, 0, width, height};
   task.execution = to_execution(setting<std::string>(settings, "execution", "auto"));
   const Vec2 center{0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)};
-  for (const uint32_t i : scene.interiors_at(task.settings.camera.visit(CenterRay{center}))) task.camera_inside.push(i);
+  const float time = 0.5f * (task.settings.time0 + task.settings.time1);
+  const Vec3 eye = task.settings.camera.visit(CenterRay{center});
+  for (const uint32_t i : scene.interiors_at(eye, time)) task.camera_inside.push(i);
   return task;
 }
 

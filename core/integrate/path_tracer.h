@@ -181,15 +181,9 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
   if (!Tracer::kSimple && (scene.materials[index].flags & kIsMix))
     index = resolve_mix(scene, index, context, path->sampler.get_1d(bounce_dimension(*path, kDimMix)));
   const MaterialRecord& m = scene.materials[index];
-  if (!Tracer::kSimple && (m.flags & kHasOpacity)) {
-    if (path->sampler.get_1d(bounce_dimension(*path, kDimOpacity)) >= surface_opacity(scene, m, context)) {
-      path->throughput *= opacity_tint(scene, m, context);
-      if (is_black(path->throughput)) path->alive = false;
-      pass_straight(path, s, hit.t);
-      return;
-    }
-  }
-  if (m.flags & kHasEmission)
+  const bool in_hole = !Tracer::kSimple && (m.flags & kHasOpacity) &&
+                       path->sampler.get_1d(bounce_dimension(*path, kDimOpacity)) >= surface_opacity(scene, m, context);
+  if (!in_hole && (m.flags & kHasEmission))
     path->radiance +=
         path->throughput * hit_emission<Tracer::kTextured, Tracer::kLeafKind>(
                                scene, settings.light_sampling,
@@ -197,14 +191,24 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
                                s.ng, index, s.light);
   uint32_t outside = kNoIndex;  // the interior that the path comes from, or would go to
   if (m.flags & kIsBoundary) {
-    outside = interior_beyond(scene, path->inside, m.interior, s.front);
-    if ((m.flags & kIsInterface) || is_hidden(scene, outside, m.interior)) {
+    const FarSide far = far_side(scene, path->inside, m, s.front);
+    outside = far.interior;
+    // Where nothing shows there are no holes either: shadow rays see it so, too.
+    if ((m.flags & kIsInterface) || far.hidden) {
       cross_boundary<Tracer>(scene, m, context, s.front, path->sampler, entry_dimension(*path), &path->inside);
       pass_straight(path, s, hit.t);
       return;
     }
   } else if (!path->inside.empty()) {
     outside = path->inside.current(scene.interiors);
+  }
+  if (in_hole) {
+    const float denser = pass_hole(scene, m, s.front, &path->inside);
+    path->throughput *= opacity_tint(scene, m, context) * denser;
+    path->eta_scale /= denser;
+    if (is_black(path->throughput)) path->alive = false;
+    pass_straight(path, s, hit.t);
+    return;
   }
   if (ends_at_hit(settings, *path, aovs != nullptr)) {
     path->alive = false;
@@ -239,13 +243,13 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));
     const MaterialRecord& m = scene.materials[index];
-    const bool hidden =
-        (m.flags & kIsBoundary) && is_hidden(scene, interior_beyond(scene, inside, m.interior, s.front), m.interior);
+    const bool hidden = (m.flags & kIsBoundary) && far_side(scene, inside, m, s.front).hidden;
     if ((m.flags & kOpaqueToShadows) && !hidden) return Vec3(0);
     if ((m.flags & kIsInterface) || hidden) {
       cross_boundary<Tracer>(scene, m, context, s.front, sampler, dimension + step * kBounceDimensions, &inside);
     } else {
       left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));
+      left *= pass_hole(scene, m, s.front, &inside);
     }
     const Vec3 origin = offset_origin(s.p, s.error, s.ng, ray.direction);
     // Aim again: what the offset has moved would else add up to a hit on the light itself.

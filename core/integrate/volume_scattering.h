@@ -66,15 +66,35 @@ DST_FN Medium medium_in(const SceneView& scene, uint32_t interior, const Interio
   return in.is_colored() ? in.colored(unpack_color(packed)) : unpack_medium(packed);
 }
 
-// The interior on the far side of a boundary, were the boundary's own object not there.
-DST_FN uint32_t interior_beyond(const SceneView& scene, InteriorStack inside, uint32_t interior, bool front) {
-  if (!front) inside.remove(interior);
-  return inside.current(scene.interiors);
+// What a boundary parts from where a path is.
+struct FarSide {
+  uint32_t interior = kNoIndex;  // on the far side, were the boundary's own object not there
+  bool hidden = false;           // the boundary does not show: something else counts on both its sides
+};
+
+DST_FN FarSide far_side(const SceneView& scene, const InteriorStack& inside, const MaterialRecord& m, bool front) {
+  const uint32_t interior = m.interior;
+  InteriorStack others = inside;
+  if (!front) others.remove(interior);
+  const uint32_t beyond = others.current(scene.interiors);
+  const bool left = others.items != inside.items;
+  // Who has come in by a hole is not inside, and goes out as if nothing was there.
+  if (!front && (m.flags & kHasOpacity) && !left) return {beyond, true};
+  if (beyond == kNoIndex) return {};
+  // Among equals: on the way out the newest counts, on the way in the boundary's own object will be that. (Within a newer
+  // interface light still has the radiance that it has in glass.)
+  const uint32_t here = inside.current(scene.interiors);
+  const bool overlaid = left && here != interior && scene.interiors[here].passed_straight == 0;
+  return {beyond, overlaid || scene.interiors[beyond].priority > scene.interiors[interior].priority};
 }
 
-// True if a boundary does not show, because what lies beyond it goes before its own inside.
-DST_FN bool is_hidden(const SceneView& scene, uint32_t beyond, uint32_t interior) {
-  return beyond != kNoIndex && scene.interiors[beyond].priority > scene.interiors[interior].priority;
+// Takes a path (or a shadow ray) through a hole in a boundary: from inside out of it, from outside not in. Returns the factor
+// of its radiance, which has been that of denser matter: what refraction would have made of it.
+DST_FN float pass_hole(const SceneView& scene, const MaterialRecord& m, bool front, InteriorStack* inside) {
+  if (front || !(m.flags & kIsBoundary)) return 1;
+  inside->remove(m.interior);
+  const uint32_t outside = inside->current(scene.interiors);
+  return sqr(scene.interiors[m.interior].ior / (outside == kNoIndex ? 1.0f : scene.interiors[outside].ior));
 }
 
 // Ends the path by chance if it carries little (Arvo and Kirk 1990); the survivors make up for it.

@@ -105,9 +105,10 @@ template <class Mean>
 bool openpbr_interior(const std::vector<Slot>& slots, const Mean& mean, Interior* interior) {
   const OpenPbr m = openpbr_constants(slots);
   if (!may_have_inside(slots, m)) return false;
-  interior->ior = m.specular_ior;
-  Interior own = *interior;
   const OpenPbr means = openpbr_means(slots, mean, std::make_index_sequence<OpenPbr::params.size()>{});
+  // What the boundary refracts by.
+  interior->ior = OpenPbr::modulated(ior_ratio(m.specular_ior, 1), means.specular_weight);
+  Interior own = *interior;
   own.recipe = openpbr::medium_recipe(m, openpbr::held_inside(means));
   find_textures_inside(slots, m, &own);
   own.medium = Interior::medium_of(openpbr::medium_recipe(means, own.recipe.held));

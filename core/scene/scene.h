@@ -78,8 +78,8 @@ class Scene {
   const Bounds& bounds() const { return bounds_; }
   // What the leaves of all trees are; Spheres only if there is no tree but the world's.
   LeafKind leaf_kind() const;
-  // The interiors that hold point p at time 0.
-  std::vector<uint32_t> interiors_at(Vec3 p) const;
+  // The interiors that hold point p at that time.
+  std::vector<uint32_t> interiors_at(Vec3 p, float time) const;
 
   Scene() = default;
   Scene(const Scene&) = delete;

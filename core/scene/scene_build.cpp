@@ -345,10 +345,10 @@ LeafKind Scene::leaf_kind() const {
 }
 
 // Walks a straight line from p to infinity. An interior that is left without having been entered holds p.
-std::vector<uint32_t> Scene::interiors_at(Vec3 p) const {
+std::vector<uint32_t> Scene::interiors_at(Vec3 p, float time) const {
   std::vector<uint32_t> entered, holding;
   if (view_.has_boundaries == 0) return holding;
-  Ray ray{p, normalize(Vec3(0.3713f, 0.8407f, 0.3942f)), kInfinity, 0};
+  Ray ray{p, normalize(Vec3(0.3713f, 0.8407f, 0.3942f)), kInfinity, time};
   constexpr int kMaxCrossings = 10000;
   for (int i = 0; i < kMaxCrossings; ++i) {
     Hit hit;

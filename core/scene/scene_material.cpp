@@ -48,6 +48,7 @@ void SceneBuilder::add_interior(const std::vector<Slot>& slots, const std::vecto
   in.priority = surface_value(surface, "priority").x;
   in.ior = dispatch(Materials{}, material->type, MaterialIor{slots.data()});
   const bool interface = material->type == index_of<Interface>(Materials{});
+  in.passed_straight = interface;
   const auto mean = [&](const Slot& slot, bool as_scalar) {
     return mean_value(slot, scene_->arrays_.texture_data(), kUnitBox, as_scalar);
   };

@@ -69,6 +69,7 @@ struct Interior {
   float ior = 1;             // at 587.56 nm
   float priority =
       0;  // where interiors overlap, the highest counts (Schmidt and Budge 2002, "Simple Nested Dielectrics")
+  uint32_t passed_straight = 0;    // of an interface: light comes in without refraction
   uint32_t textured = 0;           // some texture of its material varies the medium
   uint32_t color_slot = kNoIndex;  // if that is all, and a colour: which of its material's slots
   uint32_t colors_subsurface = 0;  // it is subsurface_color, else transmission_color

@@ -9,7 +9,7 @@ import pytest
 
 import destello as dl
 import stats
-from transport import assert_constant, assert_known, estimate, runs, slab
+from transport import assert_agree, assert_constant, assert_known, estimate, floor, furnace, runs, slab
 
 
 def fresnel(cos_i, eta):
@@ -187,3 +187,77 @@ def test_a_prism_spreads_white_light_and_keeps_its_white(kind, device):
     assert shares.max(0).min() > 0.6  # rows that are nearly all red, all green, all blue
     grey = plain.mean((0, 2))
     np.testing.assert_allclose(grey, np.repeat(grey[:, :1], 3, 1), rtol=1e-4)
+
+
+@pytest.mark.parametrize("priorities", [(0, 0), (0, 1), (1, 0)])
+@pytest.mark.parametrize("indices", [(1.2, 1.8), (1.8, 1.2)])
+def test_glass_that_overlaps_keeps_all_light(indices, priorities, device):
+    """Also among equals, where the newest counts: the other one's boundary is not seen on the way out."""
+    glass = [dl.materials.dielectric(ior=n, priority=p) for n, p in zip(indices, priorities, strict=True)]
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=glass[0]))
+    scene.add(dl.shapes.sphere((0.7, 0, 0), 0.9, material=glass[1]))
+    scene.camera = dl.cameras.perspective(origin=(0, 1, 5), target=(0.3, 0, 0))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    mean, _ = estimate(scene, device, spp=512).total
+    assert mean == pytest.approx(1, abs=1e-3)  # (A few paths are caught by total reflection.)
+
+
+def test_fog_that_overlaps_glass_keeps_all_light(device):
+    """Fog changes no index: whoever leaves the glass within newer fog is refracted."""
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.dielectric(ior=1.5)))
+    fog = dl.materials.interface(medium_density=1.0)
+    scene.add(dl.shapes.sphere((0.7, 0, 0), 0.9, material=fog))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    image = estimate(scene, device, spp=256)
+    mean, variance = image.total
+    assert mean == pytest.approx(1, abs=1e-3 + 4 * sqrt(variance))
+
+
+HOLES = {
+    "glass": {"ior": 1.5},
+    "rough": {"ior": 1.5, "roughness": 0.02},
+    "milk": {"ior": 1.5, "medium_density": 1.0},
+}
+
+
+@pytest.mark.parametrize("opacity", [0.8, 0.3])
+@pytest.mark.parametrize("kind", list(HOLES))
+def test_glass_with_holes_keeps_all_light(kind, opacity, device):
+    """Who leaves by a hole leaves what is inside; who has come in by one is in nothing."""
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.dielectric(opacity=opacity, **HOLES[kind])))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    for i, sampling in enumerate(("bsdf", "mis")):
+        got = runs(scene, device, count=8, seed=100 * i, spp=64, sampling=sampling).mean(axis=(1, 2, 3))
+        error = got.std(ddof=1) / sqrt(8)
+        assert got.mean() == pytest.approx(1, abs=2e-3 + 4 * error)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.5, 1.0])
+def test_openpbr_inside_has_the_index_that_refracts(weight, device):
+    """The one that `specular_weight` leaves: light that leaves by a hole shows it."""
+    words = {"specular_weight": weight, "specular_roughness": 0.0, "transmission_weight": 1.0, "opacity": 0.5}
+    scene = furnace(dl.shapes.sphere((0, 0, 0), 1, material=dl.materials.openpbr(**words)))
+    scene.render.max_depth = scene.render.rr_depth = 1000
+    mean, variance = estimate(scene, device, spp=256).total
+    assert mean == pytest.approx(1, abs=1e-3 + 4 * sqrt(variance))
+
+
+@pytest.mark.parametrize("kind", ["interface", "hidden"])
+def test_holes_in_what_does_not_show_are_none(kind, device):
+    """For paths and for shadow rays alike: light sampling and none make the same picture."""
+    holes = {"opacity": 0.4, "opacity_tint": (1, 0.3, 0.1), "medium_density": 1.0, "medium_albedo": 0.8}
+    if kind == "interface":
+        material = dl.materials.interface(**holes)
+    else:
+        material = dl.materials.dielectric(ior=1.0, priority=-1, **holes)
+    scene = dl.Scene("holes")
+    scene.add(floor(), dl.shapes.sphere((0, 1, 0), 0.9, material=material))
+    if kind == "hidden":
+        scene.add(dl.shapes.sphere((0, 1, 0), 1.2, material=dl.materials.interface(medium_density=0.3)))
+    lamp = dl.materials.emissive(radiance=3, two_sided=True)
+    scene.add(dl.shapes.quad((-2, 3, -2), (4, 0, 0), (0, 0, 4), material=lamp))
+    scene.camera = dl.cameras.perspective(origin=(0, 2, 5), target=(0, 1, 0), vfov=30)
+    lit, by_chance = (
+        estimate(scene, device, spp=1024, seed=i, sampling=sampling) for i, sampling in enumerate(("light", "bsdf"))
+    )
+    assert_agree(lit, by_chance, comparisons=2)

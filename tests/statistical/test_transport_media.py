@@ -99,6 +99,17 @@ def test_camera_inside(device):
     stats.assert_mean(got.reshape(-1, 3), np.exp(-DENSITY * 2), slack=1e-5)
 
 
+@pytest.mark.parametrize("time", [0.0, 1.0])
+def test_camera_inside_what_moves(time, device):
+    """What the camera is in goes by the shutter: a ball of fog that comes over it, or is there at first and goes."""
+    far, here = (10, 0, 0), (0, 0, 0)
+    ball = {"center": far, "center1": here} if time else {"center": here, "center1": far}
+    scene = under_sky(dl.shapes.sphere(radius=2, material=fog(medium_albedo=0), **ball))
+    scene.camera = dl.cameras.perspective(origin=(0, 0, 0), target=(0, 0, -1), vfov=40)
+    got = runs(scene, device, spp=256, shutter=(time, time))
+    stats.assert_mean(got.reshape(-1, 3), np.exp(-DENSITY * 2), slack=1e-5)
+
+
 def test_no_fireflies(device):
     """A strong lamp in thick fog: no pixel is more than its own lamp's radiance and what the sum rule allows."""
     scene = dl.Scene("thick")

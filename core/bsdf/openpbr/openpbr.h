@@ -172,6 +172,13 @@ struct OpenPbr {
   DST_HD float pdf(const Seen& wo, Vec3 wi) const { return layers.pdf(wo, wi); }
   DST_HD BsdfSample sample(const Seen& wo, float uc, Vec2 u) const { return layers.sample(wo, uc, u); }
 
+  // The ratio of indices whose reflectance head-on is `weight` times that of eta.
+  DST_HD static float modulated(float eta, float weight) {
+    constexpr float most = (kMostIorRatio - 1) / (kMostIorRatio + 1);
+    const float s = clamp((eta - 1) / (eta + 1) * sqrtf(weight), -most, most);
+    return (1 + s) / (1 - s);
+  }
+
  private:
   // What is less than a hundred-thousandth is nothing: the probabilities of such lobes would round to anything.
   DST_HD static float seen(float share) { return share < 1e-5f ? 0.0f : share; }
@@ -206,12 +213,6 @@ struct OpenPbr {
     if (anisotropy == 0 || alpha < kSmoothAlpha) return {alpha, alpha};
     const float aspect = max(1 - anisotropy, 0.02f), wide = alpha * sqrtf(2 / (1 + aspect * aspect));
     return {wide, max(wide * aspect, kSmoothAlpha)};
-  }
-  // The ratio of indices whose reflectance head-on is `weight` times that of eta.
-  DST_HD static float modulated(float eta, float weight) {
-    constexpr float most = (kMostIorRatio - 1) / (kMostIorRatio + 1);
-    const float s = clamp((eta - 1) / (eta + 1) * sqrtf(weight), -most, most);
-    return (1 + s) / (1 - s);
   }
   DST_HD void prepare_boundary(const BsdfContext& context) {
     openpbr::Base& b = layers.base;
