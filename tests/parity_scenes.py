@@ -143,13 +143,24 @@ def placed_clouds() -> dl.Scene:
     return s
 
 
+def in_a_row(name: str, *materials: dl.nodes.Node, vfov: float, floor: dl.nodes.Node | None = None) -> dl.Scene:
+    """Spheres on a floor, below a lamp and a sky."""
+    s = dl.Scene(name=name)
+    s.film.width, s.film.height = 160, 60
+    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=vfov)
+    ground = dl.materials.diffuse() if floor is None else floor
+    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=ground))
+    for i, material in enumerate(materials):
+        x = 1.4 * i - 0.7 * (len(materials) - 1)
+        s.add(dl.shapes.sphere(center=(x, 0.6, 0), radius=0.6, material=material))
+    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
+    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    return s
+
+
 def layered() -> dl.Scene:
     """Every part of OpenPBR, on spheres in a row."""
-    s = dl.Scene(name="layered")
-    s.film.width, s.film.height = 160, 60
-    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=28)
     floor = dl.materials.diffuse(reflectance=dl.textures.checker(even=(0.8, 0.8, 0.8), odd=(0.2, 0.2, 0.3), scale=0.5))
-    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=floor))
     looks: list[dict[str, Any]] = [
         {
             "base_color": (0.7, 0.2, 0.1),
@@ -169,20 +180,11 @@ def layered() -> dl.Scene:
         },
         {"geometry_thin_walled": True, "transmission_weight": 0.5, "subsurface_weight": 0.5, "geometry_opacity": 0.8},
     ]
-    for i, look in enumerate(looks):
-        material = dl.materials.openpbr(**look)
-        s.add(dl.shapes.sphere(center=(1.4 * i - 3.5, 0.6, 0), radius=0.6, material=material))
-    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
-    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
-    return s
+    return in_a_row("layered", *(dl.materials.openpbr(**look) for look in looks), vfov=28, floor=floor)
 
 
 def coats() -> dl.Scene:
     """Coats with normals of their own, over normal and bump maps, smooth and rough, on glass and thin sheets."""
-    s = dl.Scene(name="coats")
-    s.film.width, s.film.height = 160, 60
-    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=24)
-    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse()))
     normals = 0.3 + 0.4 * np.random.default_rng(6).random((16, 16, 3), np.float32)
     normals[..., 2] = 1
     ripples = dl.textures.image(normals, color_space="linear", uv_scale=(2, 2))
@@ -195,20 +197,12 @@ def coats() -> dl.Scene:
         {"normal_map": ripples, "transmission_weight": 1.0, "specular_roughness": 0.2, "coat_color": (0.9, 0.6, 0.4)},
         {"geometry_coat_normal": (0.6, 0.7, 0.9), "geometry_thin_walled": True, "subsurface_weight": 0.7},
     ]
-    for i, look in enumerate(looks):
-        material = dl.materials.openpbr(coat_weight=0.9, base_color=(0.7, 0.2, 0.1), **look)
-        s.add(dl.shapes.sphere(center=(1.4 * i - 2.8, 0.6, 0), radius=0.6, material=material))
-    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
-    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
-    return s
+    common = {"coat_weight": 0.9, "base_color": (0.7, 0.2, 0.1)}
+    return in_a_row("coats", *(dl.materials.openpbr(**common, **look) for look in looks), vfov=24)
 
 
 def textured_insides() -> dl.Scene:
     """Skin, milk and glass coloured by textures where paths enter: nested, hidden, around a lamp, in a grid."""
-    s = dl.Scene(name="textured insides")
-    s.film.width, s.film.height = 160, 60
-    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=24)
-    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse()))
     rng = np.random.default_rng(9)
     image = dl.textures.image(rng.random((64, 64, 3), np.float32), color_space="linear")
     checker = dl.textures.checker_uv(even=image, odd=(0.9, 0.4, 0.2), count_u=6, count_v=6)
@@ -222,24 +216,16 @@ def textured_insides() -> dl.Scene:
         {"transmission_weight": 0.5, "subsurface_weight": 0.5, "subsurface_radius": grey, "subsurface_color": image},
         {"transmission_color": image, "medium_volume": grid, "priority": 1.0} | glass,
     ]
-    for i, look in enumerate(looks):
-        material = dl.materials.openpbr(**look)
-        s.add(dl.shapes.sphere(center=(1.4 * i - 2.8, 0.6, 0), radius=0.6, material=material))
+    s = in_a_row("textured insides", *(dl.materials.openpbr(**look) for look in looks), vfov=24)
     core = dl.materials.openpbr(subsurface_weight=1.0, subsurface_radius=grey, subsurface_color=checker)
     s.add(dl.shapes.sphere(center=(0, 0.5, 0), radius=0.3, material=core))  # in the glass
     s.add(dl.shapes.sphere(center=(2.0, 0.6, 0.3), radius=0.4, material=core))  # half in another, half hidden
-    s.add(dl.lights.point(position=(-1.4, 0.7, 0.1), intensity=2))  # in the milk
-    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
-    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
+    s.lights.insert(0, dl.lights.point(position=(-1.4, 0.7, 0.1), intensity=2))  # in the milk
     return s
 
 
 def films() -> dl.Scene:
     """What the albedo tables hold besides: films over gloss, skin and sheets, stretched glass, glTF's own material."""
-    s = dl.Scene(name="films")
-    s.film.width, s.film.height = 160, 60
-    s.camera = dl.cameras.perspective(origin=(0, 1.5, 11), target=(0, 0.6, 0), vfov=32)
-    s.add(dl.shapes.quad(corner=(-9, 0, 9), u=(18, 0, 0), v=(0, 0, -18), material=dl.materials.diffuse()))
     film = {"thin_film_weight": 1.0, "thin_film_thickness": 0.5, "thin_film_ior": 1.7, "specular_roughness": 0.3}
     glass = {"transmission_weight": 1.0, "specular_roughness": 0.5}
     plain = dl.materials.metallic_roughness
@@ -252,11 +238,7 @@ def films() -> dl.Scene:
         plain(base_color=(0.9, 0.6, 0.3), metallic=1.0, roughness=0.3),
         plain(base_color=(0.6, 0.8, 0.9), metallic=0.2, roughness=0.5, transmission=0.7),
     ]
-    for i, material in enumerate(looks):
-        s.add(dl.shapes.sphere(center=(1.4 * i - 4.2, 0.6, 0), radius=0.6, material=material))
-    s.add(dl.lights.point(position=(-3, 5, 4), intensity=(40, 38, 35)))
-    s.environment = dl.environments.image(np.linspace(0, 1, 16 * 32 * 3, dtype=np.float32).reshape(16, 32, 3))
-    return s
+    return in_a_row("films", *looks, vfov=32)
 
 
 def large() -> dl.Scene:

@@ -86,14 +86,20 @@ DST_FN Vec3 square_to_cosine_hemisphere(Vec2 u) {
 }
 DST_FN float cosine_hemisphere_pdf(float cos_theta) { return max(cos_theta, 0.0f) * kInvPi; }
 
-// Uniform on the unit sphere. Density 1/(4 pi).
-DST_FN Vec3 square_to_sphere(Vec2 u) {
-  const float z = 1.0f - 2.0f * u.x;
+// The direction of cosine z to the axis, `turns` about it.
+DST_FN Vec3 direction_at(float z, float turns) {
   const float r = safe_sqrt(1.0f - z * z);
-  const SinCos t = sincos_turns(u.y);
+  const SinCos t = sincos_turns(turns);
   return {r * t.cos, r * t.sin, z};
 }
+
+// Uniform on the unit sphere. Density 1/(4 pi).
+DST_FN Vec3 square_to_sphere(Vec2 u) { return direction_at(1.0f - 2.0f * u.x, u.y); }
 inline constexpr float kUniformSpherePdf = 0.25f * kInvPi;
+
+// Uniform on the hemisphere about +z. Density 1/(2 pi).
+DST_FN Vec3 square_to_hemisphere(Vec2 u) { return direction_at(u.x, u.y); }
+inline constexpr float kUniformHemispherePdf = 0.5f * kInvPi;
 
 // Uniform in the unit ball. Density 3/(4 pi).
 DST_FN Vec3 cube_to_ball(float u, Vec2 v) { return square_to_sphere(v) * cbrtf(u); }

@@ -39,14 +39,10 @@ struct Diffuse {
   DST_HD float even_share(Vec3 wo) const { return 0.5f * sqrtf(roughness) * sqr(1.0f - wo.z); }
   DST_HD float rough_pdf(Vec3 wo, Vec3 wi) const {
     const float even = even_share(wo);
-    return even * (0.5f * kInvPi) + (1.0f - even) * cosine_hemisphere_pdf(wi.z);
+    return even * kUniformHemispherePdf + (1.0f - even) * cosine_hemisphere_pdf(wi.z);
   }
   DST_HD DST_COLD static BsdfSample sample_rough(Diffuse d, Vec3 wo, float lobe, Vec2 u) {
-    Vec3 wi = square_to_cosine_hemisphere(u);
-    if (lobe < d.even_share(wo)) {
-      wi = square_to_sphere(u);
-      wi.z = fabsf(wi.z);
-    }
+    const Vec3 wi = lobe < d.even_share(wo) ? square_to_hemisphere(u) : square_to_cosine_hemisphere(u);
     if (wi.z <= 0) return {};
     const float pdf = d.rough_pdf(wo, wi);
     return {wi, d.eval(wo, wi) * (1.0f / pdf), pdf, kReflection};

@@ -16,11 +16,7 @@ struct LostLight {
     const float k2 = max(0.98f * (g.ax * g.ax + g.ay * g.ay), 1e-9f);
     return {k2, logf(1.0f + 1.0f / k2)};
   }
-  DST_HD Vec3 sample(Vec2 u) const {
-    const float z2 = saturate(k2 * (expf(u.x * span) - 1.0f)), r = safe_sqrt(1.0f - z2);
-    const SinCos t = sincos_turns(u.y);
-    return {r * t.cos, r * t.sin, sqrtf(z2)};
-  }
+  DST_HD Vec3 sample(Vec2 u) const { return direction_at(sqrtf(saturate(k2 * (expf(u.x * span) - 1.0f))), u.y); }
   DST_HD float pdf(float cosine) const { return kInvPi * cosine / ((cosine * cosine + k2) * span); }
 };
 

@@ -12,9 +12,8 @@ struct Mix {
 
   static constexpr const char* name = "mix";
   static constexpr const char* doc =
-      "Two materials on one surface, blended by a number or a texture. Each keeps what belongs to it: opacity, "
-      "emission, "
-      "normal map, medium inside.";
+      "Two materials on one surface, blended by a number or a texture. "
+      "Each keeps what belongs to it: opacity, emission, normal map, medium inside.";
   static constexpr auto params = param_list<Mix>(
       scalar("amount", &Mix::amount, 0.5f, "share of the second material: 0 shows the first alone, 1 the second")
           .range(0, 1));

@@ -203,7 +203,7 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
     outside = path->inside.current(scene.interiors);
   }
   if (in_hole) {
-    const float denser = pass_hole(scene, m, s.front, &path->inside);
+    const float denser = pass_hole(scene, m, s.front, outside, &path->inside);
     path->throughput *= opacity_tint(scene, m, context) * denser;
     path->eta_scale /= denser;
     if (is_black(path->throughput)) path->alive = false;
@@ -243,13 +243,13 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));
     const MaterialRecord& m = scene.materials[index];
-    const bool hidden = (m.flags & kIsBoundary) && far_side(scene, inside, m, s.front).hidden;
-    if ((m.flags & kOpaqueToShadows) && !hidden) return Vec3(0);
-    if ((m.flags & kIsInterface) || hidden) {
+    const FarSide far = m.flags & kIsBoundary ? far_side(scene, inside, m, s.front) : FarSide{};
+    if ((m.flags & kOpaqueToShadows) && !far.hidden) return Vec3(0);
+    if ((m.flags & kIsInterface) || far.hidden) {
       cross_boundary<Tracer>(scene, m, context, s.front, sampler, dimension + step * kBounceDimensions, &inside);
     } else {
       left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));
-      left *= pass_hole(scene, m, s.front, &inside);
+      left *= pass_hole(scene, m, s.front, far.interior, &inside);
     }
     const Vec3 origin = offset_origin(s.p, s.error, s.ng, ray.direction);
     // Aim again: what the offset has moved would else add up to a hit on the light itself.

@@ -88,12 +88,12 @@ DST_FN FarSide far_side(const SceneView& scene, const InteriorStack& inside, con
   return {beyond, overlaid || scene.interiors[beyond].priority > scene.interiors[interior].priority};
 }
 
-// Takes a path (or a shadow ray) through a hole in a boundary: from inside out of it, from outside not in. Returns the factor
-// of its radiance, which has been that of denser matter: what refraction would have made of it.
-DST_FN float pass_hole(const SceneView& scene, const MaterialRecord& m, bool front, InteriorStack* inside) {
+// Takes a path (or a shadow ray) through a hole in a boundary: from inside out of it (`outside`: what lies there), from
+// outside not in. Returns the factor of its radiance, which has been that of denser matter: what refraction would have made.
+DST_FN float pass_hole(const SceneView& scene, const MaterialRecord& m, bool front, uint32_t outside,
+                       InteriorStack* inside) {
   if (front || !(m.flags & kIsBoundary)) return 1;
   inside->remove(m.interior);
-  const uint32_t outside = inside->current(scene.interiors);
   return sqr(scene.interiors[m.interior].ior / (outside == kNoIndex ? 1.0f : scene.interiors[outside].ior));
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -102,31 +102,27 @@ class ImageTable:
         if space == "raw":
             return texels, False
         target = self.working if color else ENCODINGS[space][0]
-        key = (self.digest(texels), space, target)
-        if key not in self._converted:
-            made, srgb = texels_in(texels, space, target)
-            self._converted[key] = (made, srgb)
-            self._origins[id(made)] = self._origins.get(id(texels), self.digest(texels))
-        return self._converted[key]
+        return self._once(texels, (space, target), lambda: texels_in(texels, space, target))
 
     def straight(self, texels: NDArray[Any]) -> NDArray[Any]:
         """Texels whose colours are multiplied by alpha, with colours that are not."""
-        key = (self.digest(texels), "straight")
-        if key not in self._converted:
-            made = unassociated(texels)
-            self._converted[key] = (made, False)
-            self._origins[id(made)] = self.digest(texels)
-        return self._converted[key][0]
+        return self._once(texels, ("straight",), lambda: (unassociated(texels), False))[0]
 
     def turned(self, texels: NDArray[Any], texture: Node) -> NDArray[Any]:
         """Texels that are directions (normal and tangent maps), turned and mirrored as their image on the surface."""
         scale, degrees = texture["uv_scale"], texture["uv_rotation"]
-        key = (self.digest(texels), *(s < 0 for s in scale), degrees)
+        mirrored = tuple(s < 0 for s in scale)
+        return self._once(texels, (*mirrored, degrees), lambda: (turned_directions(texels, scale, degrees), False))[0]
+
+    def _once(
+        self, texels: NDArray[Any], how: tuple[object, ...], make: Callable[[], tuple[NDArray[Any], bool]]
+    ) -> tuple[NDArray[Any], bool]:
+        """What `make` makes of texels, and whether that is sRGB; the same from equal texels made in the same way."""
+        key = (self.digest(texels), *how)
         if key not in self._converted:
-            made = turned_directions(texels, scale, degrees)
-            self._converted[key] = (made, False)
-            self._origins.setdefault(id(made), self._origins.get(id(texels), self.digest(texels)))
-        return self._converted[key][0]
+            self._converted[key] = made = make()
+            self._origins[id(made[0])] = self._origins.get(id(texels), self.digest(texels))
+        return self._converted[key]
 
     def color(self, rgb: tuple[float, ...]) -> tuple[float, ...]:
         """Linear Rec.709 in the working space, nothing below 0 that was not before."""

@@ -58,7 +58,7 @@ struct Base {
       metal_lost = e > 1e-6f ? f * f * (1 - e) / (Vec3(1) - f * e) * (1.0f / e) : Vec3(0);
     }
     if (through > 0) share_out_lost();
-    if (metal + through > 0) lost_light = LostLight::make(ggx);
+    if (metal + through > 0 && !smooth()) lost_light = LostLight::make(ggx);
     enter = min(eta * eta, 1.0f);  // from the far side min(1 / eta^2, 1): reciprocal
     held = Vec3(1) - mean_left * enter;
   }

@@ -299,7 +299,7 @@ class Layers:
     def abbe(self) -> float | None:
         """The Abbe number of KHR_materials_dispersion, or None without dispersion."""
         amount = self._factor("KHR_materials_dispersion", "dispersion", high=math.inf)
-        return min(max(20.0 / amount, 1.0), 1000.0) if amount > 0 else None
+        return abbe_number(amount) if amount > 0 else None
 
     def _translucence(self, thin: bool, transmission: Value) -> dict[str, Value]:
         """Diffuse transmission: a thin wall's subsurface scatters straight on; a volume's walks through its medium."""
@@ -361,6 +361,11 @@ class Layers:
         color = volume.numbers("attenuationColor", 3, (1.0, 1.0, 1.0), low=0)
         distance = volume.number("attenuationDistance", low=1e-30)
         return tuple(min(max(c, _LEAST_TRANSMITTANCE), 1.0) for c in color), distance
+
+
+def abbe_number(dispersion: float) -> float:
+    """KHR_materials_dispersion's amount, above 0, as an Abbe number within OpenPBR's range."""
+    return min(max(20.0 / dispersion, 1.0), 1000.0)
 
 
 def head_on(ior: float) -> float:

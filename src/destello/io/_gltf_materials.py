@@ -282,7 +282,7 @@ def _glass(
     dispersion = item.extension("KHR_materials_dispersion")
     amount = 0.0 if dispersion is None else dispersion.number("dispersion", 0.0, low=0)
     if amount > 0:
-        glass["abbe"] = min(max(20.0 / amount, 1.0), 1000.0)
+        glass["abbe"] = layers.abbe_number(amount)
     if transmission == 1.0 and params["metallic"] == 0.0:
         return make.dielectric(name=name, **glass)
     opaque, clear = make.metallic_roughness(**_without_defaults(params), **surface), make.dielectric(**glass)

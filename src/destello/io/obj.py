@@ -60,12 +60,12 @@ def load(path: Path, options: LoadOptions) -> Scene:
 def _materials(data: ObjData, path: Path, options: LoadOptions, notes: list[str]) -> list[Node]:
     """A node for each of the names that faces use."""
     found: dict[str, Node] = {}
+    files = ResolvedFiles(path.parent, allow_external=options.allow_external, scene_file=path)
     for library in data.libraries:
-        for name in _library_files(library, path, options, notes):
+        for name in _library_files(library, files, notes):
             folder = "" if (parent := PurePosixPath(name).parent) == PurePosixPath(".") else str(parent)
             real = path.parent / name
             blocks, ignored, said = parse_mtl(read_bytes(real), real, folder)
-            files = ResolvedFiles(path.parent, allow_external=options.allow_external, scene_file=path)
             notes += said + settle(blocks, files, real)
             _note_ignored(ignored, notes, name)
             for block in blocks:
@@ -79,9 +79,8 @@ def _materials(data: ObjData, path: Path, options: LoadOptions, notes: list[str]
     return [found.get(name, unnamed) for name in data.material_names]
 
 
-def _library_files(library: str, path: Path, options: LoadOptions, notes: list[str]) -> list[str]:
+def _library_files(library: str, files: ResolvedFiles, notes: list[str]) -> list[str]:
     """The files that a mtllib line means: one name with spaces, or several names."""
-    files = ResolvedFiles(path.parent, allow_external=options.allow_external, scene_file=path)
     whole = unquoted(library).replace("\\", "/")
     if not whole or files.find(whole, "mtllib") is not None:
         return [whole] if whole else []
