@@ -21,7 +21,7 @@ from typing import Any
 # Two entries are the same measurement if they agree in all of these.
 IDENTITY = (
     "scene", "size", "spp", "max_depth", "detail", "device", "threads", "peer", "kind", "count", "method", "build",
-    "target_relative_mse", "reference_spp",
+    "surface", "target_relative_mse", "reference_spp",
 )  # fmt: skip
 
 # The figures that are compared: 1 where more is better, -1 where less is.

@@ -103,6 +103,24 @@ def test_files_without_measurements_are_refused(files, text):
     assert run("compare", "no-such-file", "no-such-file").returncode == 2
 
 
+# --- render ---------------------------------------------------------------------------------------------------------
+
+
+def test_render_measures_the_scene_in_another_model_of_surface():
+    module = script("render")
+    scene = dl.scenes.build("cornell")
+    colors = [s["material"]["reflectance"] for s in scene.shapes if s["material"].type == "diffuse"]
+    module.resurface(scene, "coat")
+    coated = [s["material"] for s in scene.shapes if s["material"].type == "openpbr"]
+    assert [m["base_color"] for m in coated] == colors
+    assert {m["coat_weight"] for m in coated} == {0.5}
+    assert sorted({s["material"].type for s in scene.shapes}) == ["emissive", "openpbr"]
+    done = run("render", "cornell:8x8:1", "--repeat", 1, "--surface", "coat-and-fuzz")
+    (entry,) = lines(done.stdout)
+    assert (entry["scene"], entry["surface"]) == ("cornell", "coat-and-fuzz")
+    assert entry["kernel_Msamples_s"] > 0
+
+
 # --- build and rays ---------------------------------------------------------------------------------------------------
 
 
