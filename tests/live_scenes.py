@@ -95,6 +95,9 @@ def random_material(live: LiveScene, i: int, kind: str, rng: np.random.Generator
         other = [s["material"] for s in live.scene.shapes if s.type != "instance" and s["material"] is not None]
         return other[int(rng.integers(len(other)))]
     color = tuple(float(x) for x in rng.uniform(0.1, 0.9, 3))
+    now = live.scene.shapes[i]["material"]
+    if kind == "material" and now is not None and now.type == "mix":
+        return {"amount": float(rng.uniform())}
     if kind == "material":
         return {"opacity": float(rng.choice([1.0, 0.5])), "emission": color if rng.random() < 0.3 else None}
     return [
