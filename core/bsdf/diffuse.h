@@ -5,6 +5,25 @@
 
 namespace destello {
 
+// Diffuse without roughness, as the kernels of plain scenes know it.
+struct Lambert {
+  Vec3 reflectance{0.5f};
+
+  static constexpr const char* name = "diffuse";
+  static constexpr const char* doc = "Diffuse reflection: Lambert.";
+  static constexpr auto params = param_list<Lambert>(
+      color("reflectance", &Lambert::reflectance, Vec3(0.5f), "fraction of the light that is reflected").range(0, 1));
+
+  DST_HD Vec3 eval(Vec3, Vec3 wi) const { return reflectance * cosine_hemisphere_pdf(wi.z); }
+  DST_HD float pdf(Vec3, Vec3 wi) const { return cosine_hemisphere_pdf(wi.z); }
+  DST_HD BsdfSample sample(Vec3, float, Vec2 u) const {
+    const Vec3 wi = square_to_cosine_hemisphere(u);
+    if (wi.z <= 0) return {};
+    return {wi, reflectance, cosine_hemisphere_pdf(wi.z), kReflection};
+  }
+};
+static_assert(Bsdf<Lambert>);
+
 // roughness 0 is Lambert. Otherwise the energy-preserving form of Fujii's improved Oren-Nayar model: reciprocal, never
 // gains energy, and reflects all light where reflectance is 1 (Portsmouth, Kutz and Hill 2024, "EON: A Practical
 // Energy-Preserving Rough Diffuse BRDF").
@@ -21,16 +40,13 @@ struct Diffuse {
 
   DST_HD Vec3 eval(Vec3 wo, Vec3 wi) const {
     if (wi.z <= 0) return Vec3(0);
-    return value(wo, wi) * (wi.z * kInvPi);
+    return roughness == 0 ? Lambert{reflectance}.eval(wo, wi) : rough(*this, wo, wi) * (wi.z * kInvPi);
   }
   DST_HD float pdf(Vec3 wo, Vec3 wi) const {
-    return roughness == 0 || wi.z <= 0 ? cosine_hemisphere_pdf(wi.z) : rough_pdf(wo, wi);
+    return roughness == 0 || wi.z <= 0 ? Lambert{}.pdf(wo, wi) : rough_pdf(wo, wi);
   }
   DST_HD BsdfSample sample(Vec3 wo, float lobe, Vec2 u) const {
-    if (roughness > 0) return sample_rough(*this, wo, lobe, u);
-    const Vec3 wi = square_to_cosine_hemisphere(u);
-    if (wi.z <= 0) return {};
-    return {wi, reflectance, cosine_hemisphere_pdf(wi.z), kReflection};
+    return roughness == 0 ? Lambert{reflectance}.sample(wo, lobe, u) : sample_rough(*this, wo, lobe, u);
   }
 
  private:
@@ -47,9 +63,7 @@ struct Diffuse {
     const float pdf = d.rough_pdf(wo, wi);
     return {wi, d.eval(wo, wi) * (1.0f / pdf), pdf, kReflection};
   }
-  // The BRDF times pi.
-  DST_HD Vec3 value(Vec3 wo, Vec3 wi) const { return roughness == 0 ? reflectance : rough(*this, wo, wi); }
-  // By value: what the callers have of it stays in registers.
+  // The BRDF times pi. By value: what the callers have of it stays in registers.
   DST_HD DST_COLD static Vec3 rough(Diffuse d, Vec3 wo, Vec3 wi) { return d.rough_value(wo, wi); }
   DST_HD Vec3 rough_value(Vec3 wo, Vec3 wi) const {
     const float a = 1.0f / (1.0f + kC1 * roughness);

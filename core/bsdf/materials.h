@@ -1,7 +1,8 @@
 // The list of materials. A new one is one header and one line here.
 //
-// CommonMaterials are the light ones, PlainMaterials the commonest of them; they come first, so that a type has the same
-// number in all lists. Kernels for scenes that use no others dispatch over them alone, and hold no code of the heavier ones.
+// CommonMaterials are the light ones, PlainMaterials the commonest of them, where what is diffuse is not rough; a type has
+// the same number in all lists. Kernels for scenes that use no others dispatch over them alone, and hold no code of the
+// heavier ones.
 #pragma once
 
 #include "base/one_of.h"
@@ -17,9 +18,12 @@
 
 namespace destello {
 
-using PlainMaterials = TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, Emissive>;
-using CommonMaterials = Append<PlainMaterials, MetallicRoughness, Interface, Mix>;
+using PlainMaterials = TypeList<Lambert, FuzzyMetal, Conductor, Dielectric, Emissive>;
+using CommonMaterials =
+    TypeList<Diffuse, FuzzyMetal, Conductor, Dielectric, Emissive, MetallicRoughness, Interface, Mix>;
 using Materials = Append<CommonMaterials, OpenPbr>;
+static_assert(index_of<Emissive>(PlainMaterials{}) == index_of<Emissive>(Materials{}) &&
+              index_of<Lambert>(PlainMaterials{}) == index_of<Diffuse>(Materials{}));
 
 // What the kernels of a scene dispatch over. simple: SceneView::simple.
 template <bool simple>

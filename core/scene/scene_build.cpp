@@ -328,8 +328,10 @@ void SceneBuilder::make_view() {
   v.clear_shadows = vacuum && !ranked && (all & kOpaqueToShadows);
   v.simple = v.clear_shadows && v.common_materials && !(any & (kIsInterface | kHasOpacity | kIsMix | kHasDetail));
   v.plain = v.simple && std::all_of(a.slots.begin(), a.slots.end(), [](const Slot& s) { return s.is_constant(); }) &&
-            std::all_of(a.materials.begin(), a.materials.end(),
-                        [](const MaterialRecord& m) { return m.type < PlainMaterials::size; });
+            std::all_of(a.materials.begin(), a.materials.end(), [&](const MaterialRecord& m) {
+              const bool rough = m.type == index_of<Diffuse>(Materials{}) && a.slots[m.first_slot + 1].value.x > 0;
+              return m.type < PlainMaterials::size && !rough;
+            });
 }
 
 LeafKind Scene::leaf_kind() const {

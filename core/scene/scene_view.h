@@ -151,7 +151,8 @@ struct SceneView {
   uint32_t common_materials = 0;         // no material but CommonMaterials
   // No media, interfaces, holes, mixes or maps of normals, and common materials alone: see integrate/path_tracer.h.
   uint32_t simple = 0;
-  uint32_t plain = 0;  // simple, PlainMaterials alone, and no material has a texture or takes vertex colours
+  // simple, PlainMaterials alone (nothing rough that is diffuse), and no material has a texture or takes vertex colours
+  uint32_t plain = 0;
 
   DST_HD uint32_t first_area_light() const { return punctual.size; }
   DST_HD uint32_t environment_light() const { return punctual.size + area_lights.size; }
