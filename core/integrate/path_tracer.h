@@ -191,16 +191,16 @@ DST_FN void shade(const SceneView& scene, const RenderSettings& settings, const 
                                s.ng, index, s.light);
   uint32_t outside = kNoIndex;  // the interior that the path comes from, or would go to
   if (m.flags & kIsBoundary) {
-    const FarSide far = far_side(scene, path->inside, m, s.front);
+    const FarSide far = far_side<Tracer::kSimple>(scene, path->inside, m, s.front);
     outside = far.interior;
     // Where nothing shows there are no holes either: shadow rays see it so, too.
-    if ((m.flags & kIsInterface) || far.hidden) {
+    if (far.hidden) {
       cross_boundary<Tracer>(scene, m, context, s.front, path->sampler, entry_dimension(*path), &path->inside);
       pass_straight(path, s, hit.t);
       return;
     }
   } else if (!path->inside.empty()) {
-    outside = path->inside.current(scene.interiors);
+    outside = current_interior<Tracer::kSimple>(scene, path->inside);
   }
   if (in_hole) {
     const float denser = pass_hole(scene, m, s.front, outside, &path->inside);
@@ -243,9 +243,9 @@ DST_FN DST_COLD Vec3 transmittance(const SceneView& scene, const ShadowRay& shad
     if (scene.materials[index].flags & kIsMix)
       index = resolve_mix(scene, index, context, sampler.get_1d(dimension + step * kBounceDimensions));
     const MaterialRecord& m = scene.materials[index];
-    const FarSide far = m.flags & kIsBoundary ? far_side(scene, inside, m, s.front) : FarSide{};
+    const FarSide far = m.flags & kIsBoundary ? far_side<Tracer::kSimple>(scene, inside, m, s.front) : FarSide{};
     if ((m.flags & kOpaqueToShadows) && !far.hidden) return Vec3(0);
-    if ((m.flags & kIsInterface) || far.hidden) {
+    if (far.hidden) {
       cross_boundary<Tracer>(scene, m, context, s.front, sampler, dimension + step * kBounceDimensions, &inside);
     } else {
       left *= opacity_tint(scene, m, context) * (1.0f - surface_opacity(scene, m, context));

@@ -64,6 +64,7 @@ struct InteriorStack {
       return;
     }
   }
+  DST_HD uint32_t newest() const { return static_cast<uint32_t>(items & 0xffff) - 1; }  // kNoIndex in the open
   // The interior that counts: highest priority, newest first; kNoIndex in the open.
   DST_HD uint32_t current(Span<Interior> interiors) const {
     if (items >> 16 == 0) return static_cast<uint32_t>(items) - 1;  // at most one: no priorities to look up

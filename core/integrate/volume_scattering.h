@@ -66,26 +66,34 @@ DST_FN Medium medium_in(const SceneView& scene, uint32_t interior, const Interio
   return in.is_colored() ? in.colored(unpack_color(packed)) : unpack_medium(packed);
 }
 
+// The interior that counts. simple: SceneView::simple, so without interfaces, holes and priorities.
+template <bool simple>
+DST_FN uint32_t current_interior(const SceneView& scene, const InteriorStack& inside) {
+  return simple ? inside.newest() : inside.current(scene.interiors);
+}
+
 // What a boundary parts from where a path is.
 struct FarSide {
   uint32_t interior = kNoIndex;  // on the far side, were the boundary's own object not there
-  bool hidden = false;           // the boundary does not show: something else counts on both its sides
+  bool hidden = false;           // the boundary does not show: an interface, or something else counts on both its sides
 };
 
+template <bool simple>
 DST_FN FarSide far_side(const SceneView& scene, const InteriorStack& inside, const MaterialRecord& m, bool front) {
+  if (!simple && (m.flags & kIsInterface)) return {kNoIndex, true};
   const uint32_t interior = m.interior;
   InteriorStack others = inside;
   if (!front) others.remove(interior);
-  const uint32_t beyond = others.current(scene.interiors);
+  const uint32_t beyond = current_interior<simple>(scene, others);
   const bool left = others.items != inside.items;
   // Who has come in by a hole is not inside, and goes out as if nothing was there.
-  if (!front && (m.flags & kHasOpacity) && !left) return {beyond, true};
+  if (!simple && !front && (m.flags & kHasOpacity) && !left) return {beyond, true};
   if (beyond == kNoIndex) return {};
   // Among equals: on the way out the newest counts, on the way in the boundary's own object will be that. (Within a newer
   // interface light still has the radiance that it has in glass.)
-  const uint32_t here = inside.current(scene.interiors);
-  const bool overlaid = left && here != interior && scene.interiors[here].passed_straight == 0;
-  return {beyond, overlaid || scene.interiors[beyond].priority > scene.interiors[interior].priority};
+  const uint32_t here = current_interior<simple>(scene, inside);
+  const bool overlaid = left && here != interior && (simple || scene.interiors[here].passed_straight == 0);
+  return {beyond, overlaid || (!simple && scene.interiors[beyond].priority > scene.interiors[interior].priority)};
 }
 
 // Takes a path (or a shadow ray) through a hole in a boundary: from inside out of it (`outside`: what lies there), from
