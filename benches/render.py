@@ -14,7 +14,9 @@ import datetime as dt
 import json
 import sys
 
-from destello import Scene, __version__, _core, materials, scenes
+import numpy as np
+
+from destello import Scene, __version__, _core, materials, scenes, textures
 from destello.bench import rate_figures
 from destello.memory import peaks
 from destello.nodes import Node
@@ -25,7 +27,15 @@ SURFACES = {
     "coat": lambda color: materials.openpbr(base_color=color, coat_weight=0.5),
     "coat-and-fuzz": lambda color: materials.openpbr(base_color=color, coat_weight=0.5, fuzz_weight=0.3),
     "metallic_roughness": lambda color: materials.metallic_roughness(base_color=color, metallic=0),
+    "normal-map": lambda color: materials.metallic_roughness(base_color=color, metallic=0, normal_map=_waves()),
+    "mix": lambda color: materials.mix(first=materials.diffuse(color), second=materials.diffuse(color)),
 }
+
+
+def _waves() -> Node:
+    x = np.sin(np.linspace(0, 40 * np.pi, 256))
+    normals = np.stack(np.broadcast_arrays(0.5 + 0.2 * x[:, None], 0.5 + 0.2 * x, 1.0), -1)
+    return textures.image(normals.astype(np.float32), color_space="linear")
 
 
 def resurface(scene: Scene, surface: str) -> None:

@@ -27,7 +27,7 @@ template <bool kIsSimple>
 struct HostTracer {
   static constexpr bool kSimple = kIsSimple, kTextured = true;
   static constexpr LeafKind kLeafKind = LeafKind::Any;
-  using Materials = MaterialsOf<kIsSimple>;
+  using Materials = std::conditional_t<kIsSimple, CommonMaterials, destello::Materials>;
   static bool closest(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<false>(g, ray, hit); }
   static bool any(const GeometryView& g, const Ray& ray, Hit* hit) { return traverse_host<true>(g, ray, hit); }
 };

@@ -149,7 +149,7 @@ class CudaBackend final : public Backend {
       *wave = launch_queue_kernel(*p);
     } else {
       p->items = tiles * (kTileWidth * kTileHeight) * ((samples + kItemSamples - 1) / kItemSamples);
-      *wave = (p->film.aovs != nullptr ? launch_fused<true> : launch_fused<false>)(*p, multiprocessors_, passes_.get());
+      *wave = p->scene.common_materials ? launch_fused_of<SceneKind::Common>(*p) : launch_fused_of<SceneKind::Any>(*p);
     }
     return passes_->finish();
   }
@@ -167,14 +167,24 @@ class CudaBackend final : public Backend {
            !light_table(p.scene, p.task.settings.light_sampling).pick.empty();
   }
 
+  template <SceneKind kKind>
+  Wave launch_fused_of(const KernelParams& p) const {
+    const auto launch = p.film.aovs != nullptr ? launch_fused<true, kKind> : launch_fused<false, kKind>;
+    return launch(p, multiprocessors_, passes_.get());
+  }
+
   Wave launch_queue_kernel(const KernelParams& p) const {
-    if (!p.scene.simple) {
-      const auto launch = scene_->leaf_kind() == LeafKind::Triangles
-                              ? launch_queues<true, SceneKind::Any, LeafKind::Triangles>
-                              : launch_queues<true, SceneKind::Any, LeafKind::Any>;
-      return launch(p, multiprocessors_, passes_.get());
-    }
-    return p.scene.plain ? launch_queues_of<SceneKind::Plain>(p) : launch_queues_of<SceneKind::Simple>(p);
+    if (p.scene.plain) return launch_queues_of<SceneKind::Plain>(p);
+    if (p.scene.simple) return launch_queues_of<SceneKind::Simple>(p);
+    return p.scene.common_materials ? launch_heavy_queues<SceneKind::Common>(p)
+                                    : launch_heavy_queues<SceneKind::Any>(p);
+  }
+  // Of scenes that are not simple.
+  template <SceneKind kKind>
+  Wave launch_heavy_queues(const KernelParams& p) const {
+    const auto launch = scene_->leaf_kind() == LeafKind::Triangles ? launch_queues<true, kKind, LeafKind::Triangles>
+                                                                   : launch_queues<true, kKind, LeafKind::Any>;
+    return launch(p, multiprocessors_, passes_.get());
   }
   template <SceneKind kKind>
   Wave launch_queues_of(const KernelParams& p) const {

@@ -25,10 +25,11 @@ __device__ __noinline__ inline bool any_hit(const GeometryView& g, Ray ray) {
   return traverse_groups<LeafKind::Any>(g, ray, true, &hit);
 }
 
+template <SceneKind kKind>
 struct FusedTracer {
   static constexpr bool kSimple = false, kTextured = true;
   static constexpr LeafKind kLeafKind = LeafKind::Any;
-  using Materials = destello::Materials;
+  using Materials = MaterialsOf<kKind>;
   static __device__ bool closest(const GeometryView& g, const Ray& ray, Hit* hit) {
     *hit = closest_hit(g, ray);
     return hit->found();
@@ -99,8 +100,10 @@ enum class LaneState : uint32_t {
 };
 
 // Everything that one lane of the render kernel keeps.
-template <bool kAovs>
+template <bool kAovs, SceneKind kKind>
 struct Lane {
+  using Tracer = FusedTracer<kKind>;
+
   const KernelParams& p;
   ThreadSums film;
   unsigned rays = 0, samples = 0, nonfinite = 0;
@@ -133,10 +136,10 @@ struct Lane {
   }
 
   __device__ void shade_hit() {
-    shade<FusedTracer>(p.scene, p.task.settings, traversal.hit, &path, &shadow, kAovs ? &aovs : nullptr);
+    shade<Tracer>(p.scene, p.task.settings, traversal.hit, &path, &shadow, kAovs ? &aovs : nullptr);
     if (shadow.wanted) {
       ++rays;
-      connect<FusedTracer>(p.scene, shadow, &path);
+      connect<Tracer>(p.scene, shadow, &path);
     }
     go_on();
   }
@@ -170,12 +173,12 @@ struct Lane {
   }
 };
 
-// kAovs: record features of the first hit.
-template <bool kAovs>
+// kAovs: record features of the first hit. kKind: Any or Common.
+template <bool kAovs, SceneKind kKind>
 __global__ void __launch_bounds__(kFusedThreads, 1) fused_kernel() {
   const KernelParams& p = kernel_params();
   __shared__ double film_columns[kFilmChannels][kFusedThreads];
-  Lane<kAovs> lane(p, ThreadSums{film_columns});
+  Lane<kAovs, kKind> lane(p, ThreadSums{film_columns});
   for (;;) {
     // All warps of the block start, trace and shade at the same time: they then read the same instructions, which do not
     // all fit into the instruction cache (benches/LOG.md).

@@ -5,9 +5,9 @@
 
 namespace destello {
 
-template <bool kAovs>
+template <bool kAovs, SceneKind kKind>
 Wave launch_fused(const KernelParams& p, int multiprocessors, PassGraphs* passes) {
-  const uint64_t blocks = launch_kernel(fused_kernel<kAovs>, p, kFusedThreads, 0,
+  const uint64_t blocks = launch_kernel(fused_kernel<kAovs, kKind>, p, kFusedThreads, 0,
                                         (p.items + kFusedThreads - 1) / kFusedThreads, multiprocessors, passes);
   return {blocks * kFusedThreads, sizeof(Path) + sizeof(Hit) + kFilmChannels * sizeof(double)};
 }

@@ -5,8 +5,13 @@
 
 #include "backend/cuda_launch.cuh"
 #include "backend/cuda_pass.cuh"
+#include "bsdf/materials.h"
 
 namespace destello {
+
+template <SceneKind kKind>
+using MaterialsOf = std::conditional_t<kKind == SceneKind::Any, Materials,
+                                       std::conditional_t<kKind == SceneKind::Plain, PlainMaterials, CommonMaterials>>;
 
 // The parameters of the kernel that runs, in constant memory: every function reads them as operands of its instructions, which
 // it could not through a reference. Each file of kernels has its own. One launch at a time and device: see CudaBackend.

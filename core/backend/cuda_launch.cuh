@@ -15,11 +15,11 @@ struct Wave {
   size_t path_bytes = 0;
 };
 
-// What a scene is like: kernels for less hold less code. See SceneView::simple and plain.
-enum class SceneKind { Any, Simple, Plain };
+// What a scene is like: kernels for less hold less code. See SceneView::common_materials, simple and plain.
+enum class SceneKind { Any, Common, Simple, Plain };
 
 // Launch a kernel over all of p.items and return at once. multiprocessors: the device's. `passes`: wait there.
-template <bool kAovs>
+template <bool kAovs, SceneKind kKind>
 Wave launch_fused(const KernelParams& p, int multiprocessors, PassGraphs* passes);
 template <bool kShadows, SceneKind kKind, LeafKind kLeaves>
 Wave launch_queues(const KernelParams& p, int multiprocessors, PassGraphs* passes);

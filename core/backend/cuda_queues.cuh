@@ -116,9 +116,9 @@ class QueueBlock {
 
  private:
   struct Tracer {
-    static constexpr bool kSimple = kKind != SceneKind::Any, kTextured = kKind != SceneKind::Plain;
+    static constexpr bool kSimple = kKind >= SceneKind::Simple, kTextured = kKind != SceneKind::Plain;
     static constexpr LeafKind kLeafKind = kLeaves;
-    using Materials = std::conditional_t<kKind == SceneKind::Plain, PlainMaterials, MaterialsOf<kSimple>>;
+    using Materials = MaterialsOf<kKind>;
   };
   using Layout = QueueLayout<kShadows, kKind, kLeaves, kArchitecture>;
   static constexpr uint32_t kSlots = Layout::kSlots;

@@ -25,8 +25,9 @@ using Materials = Append<CommonMaterials, OpenPbr>;
 static_assert(index_of<Emissive>(PlainMaterials{}) == index_of<Emissive>(Materials{}) &&
               index_of<Lambert>(PlainMaterials{}) == index_of<Diffuse>(Materials{}));
 
-// What the kernels of a scene dispatch over. simple: SceneView::simple.
-template <bool simple>
-using MaterialsOf = std::conditional_t<simple, CommonMaterials, Materials>;
+// True if a Tracer's materials (integrate/path_tracer.h) have OpenPBR among them: all else that it alone needs is left out
+// without it.
+template <class Tracer>
+inline constexpr bool kKnowsOpenPbr = index_of<OpenPbr>(typename Tracer::Materials{}) < Tracer::Materials::size;
 
 }  // namespace destello

@@ -7,7 +7,7 @@
 // static constexpr bool kSimple: the scene has neither media, holes, mixes, normal maps nor heavy materials
 // (SceneView::simple), and the code for them is left out; kTextured: parameters of materials may have textures;
 // kLeafKind: what the scene's leaves are;
-// `Materials`: the list of the materials that a scene may have.
+// `Materials`: the list of the materials that a scene may have; without OpenPBR, what it alone needs is left out.
 #pragma once
 
 #include "integrate/surface_scattering.h"

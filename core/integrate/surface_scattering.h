@@ -111,13 +111,13 @@ DST_FN ShadingPoint make_shading_point(const SceneView& scene, const Path& path,
   DetailFrame detail{s.ns, s.tangent};
   if (!Tracer::kSimple && (m.flags & kHasDetail))
     detail = detail_frame(scene, m, s, context, hit, path.ray.time, p.side);
-  if (!Tracer::kSimple && (m.flags & kCoatBySecondUv)) {
+  if (kKnowsOpenPbr<Tracer> && (m.flags & kCoatBySecondUv)) {
     const UvDirection d = second_direction(scene, hit, path.ray.time, s.p, s.ng);
     p.surface.tangent = d.tangent, p.surface.mirrored = d.mirrored;
   }
   if (!s.front) p.side = -p.side, detail.normal = -detail.normal;
   p.normal = detail.normal, p.tangent = detail.tangent;
-  if (!Tracer::kSimple && layers_are_apart(m)) detail.normal = p.side;
+  if (kKnowsOpenPbr<Tracer> && layers_are_apart(m)) detail.normal = p.side;
   p.frame = is_black(detail.tangent) ? Frame::from_z(detail.normal) : Frame::from_zx(detail.normal, detail.tangent);
   p.bent = Tracer::kLeafKind != LeafKind::Spheres && !(p.side == p.frame.z);
   // Seen from behind its shading normal a surface looks as in the mirror: BSDFs know the upper side only, nothing jumps where

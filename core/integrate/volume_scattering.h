@@ -51,7 +51,7 @@ DST_FN void cross_boundary(const SceneView& scene, const MaterialRecord& m, cons
                            const Sampler& sampler, uint32_t dimension, InteriorStack* inside) {
   if (front) {
     inside->push(m.interior);
-    if (!Tracer::kSimple && (m.flags & kVariesInside))
+    if (kKnowsOpenPbr<Tracer> && (m.flags & kVariesInside))
       inside->entry = entry_medium(scene, m, context, sampler.stream(dimension));
   } else {
     inside->remove(m.interior);

@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_fused<true>(const KernelParams&, int, PassGraphs*);
+template Wave launch_fused<true, SceneKind::Any>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello

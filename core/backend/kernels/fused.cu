@@ -3,6 +3,6 @@
 
 namespace destello {
 
-template Wave launch_fused<false>(const KernelParams&, int, PassGraphs*);
+template Wave launch_fused<false, SceneKind::Any>(const KernelParams&, int, PassGraphs*);
 
 }  // namespace destello
