@@ -34,8 +34,8 @@ SURFACES = {
 
 def _waves() -> Node:
     x = np.sin(np.linspace(0, 40 * np.pi, 256))
-    normals = np.stack(np.broadcast_arrays(0.5 + 0.2 * x[:, None], 0.5 + 0.2 * x, 1.0), -1)
-    return textures.image(normals.astype(np.float32), color_space="linear")
+    normals = np.stack(np.broadcast_arrays(128 + 50 * x[:, None], 128 + 50 * x, 255), -1)
+    return textures.image(normals.astype(np.uint8), color_space="linear")
 
 
 def resurface(scene: Scene, surface: str) -> None:

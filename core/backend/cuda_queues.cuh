@@ -47,7 +47,7 @@ struct QueueState {
 // most to heavy materials, whose parameters lie in local memory. kShadows: lights are sampled.
 template <bool kShadows, SceneKind kKind, LeafKind kLeaves, uint32_t kArchitecture>
 struct QueueLayout {
-  static constexpr size_t kHopper = kKind == SceneKind::Any        ? 64
+  static constexpr size_t kHopper = kKind <= SceneKind::Common     ? 64
                                     : kShadows                     ? 112
                                     : kLeaves == LeafKind::Spheres ? 105
                                                                    : 80;
