@@ -61,16 +61,19 @@ DST_FN float straight_log2(float x) {
   return static_cast<float>(static_cast<int>(bits >> 23) - 127) + (mantissa - 1.0f);
 }
 
-// Linear RGBA of an image at (u, v) of its own, seen through a window `footprint` wide in mesh uv: as it is where a texel is
-// larger than that, else between the two levels whose texels come closest (Williams 1983).
+// Which of an image's levels a window `footprint` wide in mesh uv shows: 0 where a texel is larger than that.
+DST_FN float shown_level(const Image& image, float footprint) {
+  if (image.levels <= 1 || !(footprint > 0)) return 0;
+  const float texels = min(footprint * sqrtf(texels_per_uv_area(image)), 65536.0f);
+  return texels > 1 ? min(straight_log2(texels), static_cast<float>(image.levels - 1)) : 0.0f;
+}
+
+// Linear RGBA of an image at (u, v) of its own, seen through such a window: between the two levels whose texels come closest
+// (Williams 1983). All who look something up at the same time do so in the same two places of the code.
 DST_NOINLINE Vec4 sample_image_at(const Image& image, const TextureData& data, float u, float v, float footprint) {
   u = wrap_coordinate(u, image.wrap_u);
   v = wrap_coordinate(v, image.wrap_v);
-  const ImageLevel whole = image_level(image, 0);
-  if (image.levels <= 1 || !(footprint > 0)) return sample_level(image, whole, data, u, v);
-  const float texels = min(footprint * sqrtf(texels_per_uv_area(image)), 65536.0f);
-  if (!(texels > 1)) return sample_level(image, whole, data, u, v);
-  const float level = min(straight_log2(texels), static_cast<float>(image.levels - 1));
+  const float level = shown_level(image, footprint);
   const uint32_t finer = static_cast<uint32_t>(level);
   const float t = level - static_cast<float>(finer);
   const ImageLevel a = image_level(image, finer);
