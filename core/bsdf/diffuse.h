@@ -48,17 +48,17 @@ struct Diffuse {
   DST_HD BsdfSample sample(Vec3 wo, float lobe, Vec2 u) const {
     return roughness == 0 ? Lambert{reflectance}.sample(wo, lobe, u) : sample_rough(*this, wo, lobe, u);
   }
+  // A rough surface seen at a grazing angle, of cosine z, sends light back at grazing angles, which the cosine hardly draws
+  // (weights up to 280): so many directions are drawn evenly over the hemisphere (weights up to 3).
+  DST_HD static float even_share(float roughness, float z) { return 0.5f * sqrtf(roughness) * sqr(1.0f - z); }
 
  private:
-  // A rough surface seen at a grazing angle sends light back at grazing angles, which the cosine hardly draws (weights up to
-  // 280): so many directions are drawn evenly over the hemisphere (weights up to 3).
-  DST_HD float even_share(Vec3 wo) const { return 0.5f * sqrtf(roughness) * sqr(1.0f - wo.z); }
   DST_HD float rough_pdf(Vec3 wo, Vec3 wi) const {
-    const float even = even_share(wo);
+    const float even = even_share(roughness, wo.z);
     return even * kUniformHemispherePdf + (1.0f - even) * cosine_hemisphere_pdf(wi.z);
   }
   DST_HD DST_COLD static BsdfSample sample_rough(Diffuse d, Vec3 wo, float lobe, Vec2 u) {
-    const Vec3 wi = lobe < d.even_share(wo) ? square_to_hemisphere(u) : square_to_cosine_hemisphere(u);
+    const Vec3 wi = lobe < even_share(d.roughness, wo.z) ? square_to_hemisphere(u) : square_to_cosine_hemisphere(u);
     if (wi.z <= 0) return {};
     const float pdf = d.rough_pdf(wo, wi);
     return {wi, d.eval(wo, wi) * (1.0f / pdf), pdf, kReflection};

@@ -119,6 +119,25 @@ def test_lost_light_is_drawn_where_it_goes(model: str, words: dict[str, Any], mo
         assert power.std() < 0.75, f"{roughness}, {aspect} from {cosine}, front={front}: {power.std():.2f}"
 
 
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("diffuse", {"reflectance": 1.0}),
+        ("openpbr", {"base_color": 1.0, "specular_weight": 0.0}),
+        ("openpbr", {"base_color": 1.0, "specular_roughness": 0.5}),
+        ("openpbr", {"base_color": 1.0, "specular_weight": 0.0, "coat_weight": 1.0, "coat_roughness": 0.3}),
+    ],
+    ids=["diffuse", "bare", "gloss", "coat"],
+)
+def test_rough_diffuse_draws_grazing_directions_at_grazing_angles(model: str, words: dict[str, Any]) -> None:
+    """By the cosine alone weights were up to 280, in OpenPBR up to 76."""
+    key = {"openpbr": "base_diffuse_roughness", "diffuse": "roughness"}[model]
+    for roughness, cosine in itertools.product((0.1, 0.3, 1.0), COSINES):
+        power = Case(model, {**words, key: roughness}).sample(direction(cosine, 0.12), MANY).power()
+        assert power.max() < 3.5, f"{roughness} from {cosine}: {power.max():.1f}"
+        assert power.std() < 0.75, f"{roughness} from {cosine}: {power.std():.2f}"
+
+
 FILMED = [
     ("gloss", {}, (True,)),
     ("subsurface", SUBSURFACE, (True, False)),

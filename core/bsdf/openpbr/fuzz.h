@@ -32,8 +32,6 @@ struct Fuzz {
     const float d = (2.0f + 1.0f / alpha) * powf(sine, 1.0f / alpha) * (0.5f * kInvPi);
     return color * (v.held * d * wi.z / (4.0f * (wo.z + wi.z - wo.z * wi.z)));
   }
-  DST_HD static float pdf() { return kUniformHemispherePdf; }
-  DST_HD static Vec3 sample(Vec2 u) { return square_to_hemisphere(u); }
 };
 
 }  // namespace destello::openpbr

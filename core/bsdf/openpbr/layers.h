@@ -56,10 +56,11 @@ struct Layers {
     float coat_albedo = 0;
     Vec3 dark{1};  // factor of the base under the coat
   };
-  // Probabilities of the lobes: their estimated shares of the light. What the facets lose is drawn apart from what is even.
+  // Probabilities of the lobes: their estimated shares of the light. What the facets lose is drawn apart from what is even;
+  // flat, which is drawn evenly over the hemisphere, are the fuzz and what a rough diffuse base sends back at grazing angles.
   struct Lobes {
-    float fuzz = 0, coat = 0, facet = 0, up = 0, down = 0, lost_up = 0, lost_down = 0;
-    DST_HD float sum() const { return fuzz + coat + facet + up + down + lost_up + lost_down; }
+    float flat = 0, coat = 0, facet = 0, up = 0, down = 0, lost_up = 0, lost_down = 0;
+    DST_HD float sum() const { return flat + coat + facet + up + down + lost_up + lost_down; }
   };
   // All that there is to know of wo: most of the work of answering for a direction.
   struct Seen {
@@ -77,8 +78,8 @@ struct Layers {
     const Lobes& p = seen.lobes;
     if (p.sum() <= 0) return {};
     Vec3 wi;
-    if ((u_lobe -= p.fuzz) < 0) {
-      wi = Fuzz::sample(u);
+    if ((u_lobe -= p.flat) < 0) {
+      wi = square_to_hemisphere(u);
     } else if ((u_lobe -= p.coat) < 0) {
       const Vec3 o = v.coat_wo;
       if (coat_ggx.smooth()) {
@@ -197,7 +198,7 @@ struct Layers {
     Lobes p;
     float rest = 1;
     if (!base.inside) {
-      p.fuzz = fuzz.weight * v.fuzz.albedo * max(average(fuzz.color), 0.02f);
+      p.flat = fuzz.weight * v.fuzz.albedo * max(average(fuzz.color), 0.02f);
       p.coat = coat * v.coat_albedo * v.through_fuzz;
       rest =
           max(v.through_fuzz * lerp(1.0f, average(coat_color) * (1.0f - v.coat_albedo), coat) * average(v.dark), 0.02f);
@@ -210,14 +211,17 @@ struct Layers {
     float facet = metal * (1 - v.base.metal_lost) + base.through * (1 - v.base.near) * passed;
     if (!base.inside) facet += opaque * max(gloss, 0.01f) * specular;
     const float kept = base.inside ? 1.0f : left;
-    const float up = base.diffuse * kept * max(average(base.color), 0.02f) + base.below * kept * max(back, 0.02f);
+    const float diffuse = base.diffuse * kept * max(average(base.color), 0.02f);
+    const float flat = diffuse * Diffuse::even_share(base.diffuse_roughness, v.wo.z);
+    const float up = diffuse - flat + base.below * kept * max(back, 0.02f);
     const float down = base.below * kept * max(1.0f - back, base.thin ? 0.02f : 0.0f);
     const float lost = base.through * v.base.near;
+    p.flat += flat * rest;
     p.facet = facet * rest, p.up = up * rest, p.down = down * rest;
     p.lost_up = (metal * v.base.metal_lost + lost * base.back_share * specular) * rest;
     p.lost_down = lost * base.through_share * passed * rest;
     const float sum = p.sum(), scale = sum > 0 ? 1.0f / sum : 0.0f;
-    return {p.fuzz * scale, p.coat * scale,    p.facet * scale,    p.up * scale,
+    return {p.flat * scale, p.coat * scale,    p.facet * scale,    p.up * scale,
             p.down * scale, p.lost_up * scale, p.lost_down * scale};
   }
   // Of the facet lobe, the share that is reflected at this cosine.
@@ -245,7 +249,7 @@ struct Layers {
              jacobian(m.cos_o, m.cos_i);
       return d;
     }
-    float d = p.up * even + p.lost_up * lost + p.fuzz * Fuzz::pdf();
+    float d = p.up * even + p.lost_up * lost + p.flat * kUniformHemispherePdf;
     if (base.smooth()) return d;
     const Vec3 h = normalize(wo + wi);
     return d + p.facet * reflects(base.facet(dot(wo, h))) * base.ggx.reflected_pdf(wo, h);
