@@ -71,6 +71,28 @@ def test_blender_roughness(exponent: float, roughness: float, tmp_path: Path) ->
     assert node["roughness"] == pytest.approx(roughness)
 
 
+def test_blender_images_of_roughness_metal_and_specular(tmp_path: Path) -> None:
+    """Its exporter writes them so without the PBR extension, and its importer reads them back as they are."""
+    for name, grey in (("ns", 64), ("refl", 255), ("ks", 128)):
+        (tmp_path / f"{name}.png").write_bytes(encode_image(np.full((2, 2, 1), grey, np.uint8), ".png", tmp_path))
+    images = "map_Ns ns.png\nmap_refl -type sphere refl.png\nmap_Ks ks.png\n"
+    lines = f"Ka 1 1 1\nKd 0.8 0.1 0.2\nillum 3\n{images}"
+    node = blender_material(tmp_path, lines)
+    assert node.type == "metallic_roughness"
+    wanted = {"roughness": ("ns.png", 1), "metallic": ("refl.png", 1), "specular_color": ("ks.png", 2)}
+    for name, (file, scale) in wanted.items():
+        assert Path(node[name]["texture"]["path"]).name == file
+        assert np.all(np.asarray(node[name]["scale"]) == scale)
+        assert node[name]["texture"]["color_space"] == "linear"
+    node = blender_material(tmp_path, "Ka 1 1 1\nKd 0.8 0.1 0.2\nKs 0.25 0.25 0.25\nillum 2\nmap_Ns ns.png\n")
+    assert (node["metallic"], node["specular_color"]) == (0, (0.5, 0.5, 0.5))
+    node = blender_material(tmp_path, "Ka 1 1 1\nKd 0.8 0.1 0.2\nillum 2\nmap_Ks ks.png\n")
+    assert (node["metallic"], node["roughness"]) == (0, 0.5)
+    node = blender_material(tmp_path, lines, header="# by hand")
+    assert "roughness" not in node.params or not isinstance(node["roughness"], Node)
+    assert "map_ns" in " ".join(notes(tmp_path))
+
+
 def test_blender_metal_and_see_through(tmp_path: Path) -> None:
     node = blender_material(tmp_path, "Ns 250\nKa 0.75 0.75 0.75\nKd 0.8 0.7 0.2\nKs 0.5 0.5 0.5\nillum 3\n")
     assert (node["metallic"], node["roughness"], node["base_color"]) == (0.75, 0.5, (0.8, 0.7, 0.2))

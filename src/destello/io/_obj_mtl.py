@@ -8,7 +8,8 @@ Decisions where the format leaves room:
 - Otherwise Ks is the strength of a dielectric's gloss, 0.5 being that of index 1.5, and Ns its Phong exponent
   (roughness is the fourth root of 2 / (Ns + 2)); without Ks, or with illum 0 or 1, the material is diffuse.
 - Files that Blender wrote (they say so in their first comment) are read as it means them: Ns is 1000 (1 - roughness)^2,
-  illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass.
+  illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass, and map_Ns,
+  map_refl and map_Ks are the images of roughness, metallic share and specular level themselves.
 - Bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
 - Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
 """
@@ -31,6 +32,7 @@ from destello.nodes import Node
 _COLORS = ("ka", "kd", "ks", "ke", "tf")
 _NUMBERS = ("ns", "ni", "d", "tr", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "illum")
 _MAPS = ("map_kd", "map_ke", "map_d", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr", "map_aniso", "norm")
+_BLENDER_MAPS = ("map_ns", "map_refl", "map_ks")
 _BUMPS = ("bump", "map_bump")
 _UNSEEN = ("map_ka", "sharpness")  # ambient light and the like: nothing that a path tracer misses
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}  # numbers at most
@@ -138,7 +140,7 @@ class _Parser:
             material.numbers[keyword] = value
             if keyword in ("d", "tr"):
                 self._opacity(material, number)
-        elif keyword in _MAPS:
+        elif keyword in _MAPS or (self.blender and keyword in _BLENDER_MAPS):
             material.maps[keyword] = self._map(words, line, number)
         elif keyword in _BUMPS:
             material.maps["bump"] = self._map(words, line, number)
@@ -237,10 +239,8 @@ def _convert(material: Material) -> Node:
         metallic = _number(material, "pm", 0.0)
         roughness = _number(material, "pr", _roughness(material))
         return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
-    if material.blender and illum in _BLENDER_METAL:
-        metallic = min(max(material.colors.get("ka", (1.0, 1.0, 1.0))[0], 0.0), 1.0)
-        roughness = _roughness(material)
-        return make.metallic_roughness(base_color=base, metallic=metallic, roughness=roughness, name=name, **surface)
+    if material.blender and (illum in _BLENDER_METAL or any(key in maps for key in _BLENDER_MAPS)):
+        return make.metallic_roughness(base_color=base, name=name, **_blender_looks(material, illum), **surface)
     if glass:
         ior, tint = numbers.get("ni", _DEFAULT_INDEX), material.colors.get("tf", (1.0, 1.0, 1.0))
         roughness = 0.0 if "ns" not in numbers else _smooth(_roughness(material))
@@ -258,6 +258,21 @@ def _convert(material: Material) -> Node:
         name=name,
         **surface,
     )
+
+
+def _blender_looks(material: Material, illum: float) -> dict[str, Value]:
+    """Metallic share, roughness and specular level of one of Blender's; its images stand for them as they are."""
+    share = min(max(material.colors.get("ka", (1.0, 1.0, 1.0))[0], 0.0), 1.0) if illum in _BLENDER_METAL else 0.0
+    made: dict[str, Value] = {"metallic": share, "roughness": _roughness(material)}
+    if share == 0.0:
+        made["specular_color"] = tuple(2.0 * k for k in material.colors.get("ks", (0.5, 0.5, 0.5)))
+    images = {key: _image(material.maps[key], "linear") for key in _BLENDER_MAPS if key in material.maps}
+    for key, name in (("map_refl", "metallic"), ("map_ns", "roughness")):
+        if key in images:
+            made[name] = textures.scaled(images[key], channel="mean", scale=1.0)
+    if "map_ks" in images:
+        made["specular_color"] = textures.scaled(images["map_ks"], scale=2.0)
+    return made
 
 
 def _opaque(material: Material, illum: float) -> bool:
