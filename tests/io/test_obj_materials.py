@@ -93,6 +93,22 @@ def test_blender_images_of_roughness_metal_and_specular(tmp_path: Path) -> None:
     assert "map_ns" in " ".join(notes(tmp_path))
 
 
+def test_blender_pbr_extension(tmp_path: Path) -> None:
+    """As Blender 5.0 writes coats (four times the weight), transmission (Tf) and specular levels (Ks)."""
+    common = "Kd 0.64 0.81 1\nKs 0.5 0.5 0.5\nNi 1.33\nd 1\nillum 2\nPr 0.25\nPm 0\nPs 0\nPcr 0.1\naniso 0\nanisor 0\n"
+    coated = blender_material(tmp_path, common + "Pc 2\n")
+    assert (coated["coat_weight"], coated["coat_roughness"], coated["transmission_weight"]) == (0.5, 0.1, 0)
+    blender_material(tmp_path, common + "Pc 4\n")
+    assert notes(tmp_path) == []
+    glass = blender_material(tmp_path, common + "Pc 0\nTf 0.5 0.5 0.5\n")
+    assert (glass.type, glass["transmission_weight"], glass["specular_ior"]) == ("openpbr", 0.5, 1.33)
+    assert (glass["specular_roughness"], glass["coat_weight"]) == (0.25, 0)
+    assert glass["transmission_color"] == pytest.approx((0.8, 0.9, 1))  # at each of two boundaries
+    dull = blender_material(tmp_path, common.replace("Ks 0.5 0.5 0.5", "Ks 0 0 0") + "Pc 0\n")
+    assert (dull.type, dull["specular_color"]) == ("metallic_roughness", (0, 0, 0))
+    assert blender_material(tmp_path, common + "Pc 1\n", header="# by hand")["coat_weight"] == 1
+
+
 def test_blender_metal_and_see_through(tmp_path: Path) -> None:
     node = blender_material(tmp_path, "Ns 250\nKa 0.75 0.75 0.75\nKd 0.8 0.7 0.2\nKs 0.5 0.5 0.5\nillum 3\n")
     assert (node["metallic"], node["roughness"], node["base_color"]) == (0.75, 0.5, (0.8, 0.7, 0.2))
@@ -173,7 +189,7 @@ def test_pbr_extension_without_layers(tmp_path: Path) -> None:
 
 
 def test_pbr_extension_with_layers(tmp_path: Path) -> None:
-    node = blender_material(tmp_path, "Kd 0.8 0.7 0.2\nPr 0.4\nPm 0.5\nPs 0.25\nPc 0.75\nPcr 0.1\n")
+    node = blender_material(tmp_path, "Kd 0.8 0.7 0.2\nPr 0.4\nPm 0.5\nPs 0.25\nPc 3\nPcr 0.1\n")
     assert (node.type, node["base_color"], node["base_metalness"]) == ("openpbr", (0.8, 0.7, 0.2), 0.5)
     assert (node["specular_roughness"], node["fuzz_weight"]) == (0.4, 0.25)
     assert (node["coat_weight"], node["coat_roughness"]) == (0.75, 0.1)

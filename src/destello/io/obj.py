@@ -18,7 +18,7 @@ from destello.errors import FormatError
 from destello.io._defaults import LoadOptions, ResolvedFiles
 from destello.io._mesh_scene import add_mesh, complete, grey, linear_colors, new_scene, painted, read_bytes
 from destello.io._obj_bump import settle
-from destello.io._obj_mtl import convert
+from destello.io._obj_materials import convert
 from destello.io._obj_mtl import parse as parse_mtl
 from destello.io._obj_parse import ObjData, parse
 from destello.io._polygons import triangulate
