@@ -11,7 +11,6 @@ Decisions where the format leaves room:
   illum 3 and 6 are metals with Ka as the metallic share, illum 6 and 9 are see-through by d and no glass; Ks is the
   specular level beside Pr, too; Pc is four times the coat's weight, Tf the transmission's; map_Ns, map_refl and map_Ks
   are the images of roughness, metallic share and specular level themselves.
-- Bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
 - Colours are linear; maps multiply their colour, and stand alone where that is black or not given.
 """
 

@@ -1,4 +1,7 @@
-"""MTL files, the materials of OBJ: parsed. `_obj_materials` makes destello's of them."""
+"""MTL files, the materials of OBJ: parsed. `_obj_materials` makes destello's of them.
+
+Bump maps are kept as `maps["bump"]`, for `_obj_bump` to tell what they are.
+"""
 
 from __future__ import annotations
 
